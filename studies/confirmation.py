@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from shipland.camera import Camera, CameraParameters
-from shipland.evaluation.statistics import share_interval
 from shipland.learning.arguments import EvaluateArguments
 from shipland.learning.evaluate import EvaluateParameters, evaluate
 from shipland.learning.ranges import SceneRecord, SureBox, hits
 from shipland.learning.synth import FRAME_S
 from shipland.messages import Box, Frame, GimbalAttitude
 from shipland.rig import Rig
+from shipland.statistics import share_interval
 from shipland.vision.far.decode import PIXEL_CENTRE
 from shipland.vision.far.detector import Detector, Picture
 from shipland.vision.far.far import FarVision

@@ -16,8 +16,8 @@ from typing import Any
 
 from rich.progress import Progress
 
-from shipland.evaluation.statistics import Interval, share_interval
 from shipland.files import write_atomically
+from shipland.statistics import Interval, share_interval
 from shipland.version import code_version
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -33,10 +33,10 @@ from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.leaderboard import rests_in_area
 from shipland.evaluation.oracle import oracle_rate
-from shipland.evaluation.statistics import Interval, compare
 from shipland.evaluation.suite import combinations, load_suite
 from shipland.frames import Array
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
+from shipland.statistics import Interval, compare
 from studies.harness import ROOT, Case, Column, Row, Study, estimate, share
 
 WORDS = {"attitude": "tilt", "velocity": "speed"}
@@ -47,7 +47,7 @@ MOST_M = 0.5
 RESAMPLES = 5000
 MEASURED = (
     *("camera.py", "estimation", "flight.py", "frames.py", "geometric", "guidance", "rig.py", "safety", "scenario"),
-    *("sim", "vision", "evaluation/landing.py", "evaluation/oracle.py", "evaluation/statistics.py"),
+    *("sim", "vision", "evaluation/landing.py", "evaluation/oracle.py", "statistics.py"),
 )
 COLUMNS = {
     "scenario": Column("scenario"),
@@ -140,11 +140,6 @@ def measure(case: Case, runs: int, *, path: Path) -> Row:
     return row
 
 
-def is_bad(landing: Landing) -> bool:
-    """It struck something but the deck, or touched the deck beyond a limit."""
-    return not landing.landed and not landing.reason.startswith("no touchdown")
-
-
 def figures(scenario: Scenario, landings: Sequence[Landing], oracle_motions: int) -> dict[str, Any]:
     """A row of the table; medians are of the flights that touched the deck."""
     count, touched = len(landings), [it for it in landings if it.touched]
@@ -163,8 +158,8 @@ def figures(scenario: Scenario, landings: Sequence[Landing], oracle_motions: int
         "landed": landed / count,
         "rest": sum(rests_in_area(it, scenario.rig) for it in landings) / count,
         "outside": (landed - good) / count,
-        "bad": share(sum(map(is_bad, landings)), count),
-        "never": sum(it.reason.startswith("no touchdown") for it in landings) / count,
+        "bad": share(sum(it.bad for it in landings), count),
+        "never": sum(it.refused for it in landings) / count,
         "oracle_rate": rate,
         "oracle_then": sum(bool(it.oracle_in_square) for it in touched) / len(touched) if touched else None,
         "error_m": _quantile(errors_m, 0.5),

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from shipland.evaluation.statistics import Interval
 from shipland.frames import Array, euler_from_rotation
 from shipland.messages import FlightRecord, Mode
 from shipland.scenario.fly import fly_quietly
 from shipland.scenario.scenario import load_scenario
+from shipland.statistics import Interval
 from studies.harness import Case, Column, Row, Study, estimate
 
 SCENARIOS = ("rig-natops", "ship-sea6")

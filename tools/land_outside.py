@@ -26,9 +26,9 @@ import tyro
 
 from shipland.camera import Camera
 from shipland.errors import DataError
-from shipland.evaluation.statistics import share_interval
 from shipland.record.reader import FlightLog, read_log
 from shipland.scenario.scenario import load_scenario
+from shipland.statistics import share_interval
 
 ROOT = Path(__file__).parents[1]
 SHIPLAND = (sys.executable, "-c", "from shipland.cli import main; main()")

@@ -32,7 +32,6 @@ from rich.progress import track
 from shipland.camera import Camera
 from shipland.errors import DataError
 from shipland.learning.evaluate import EvaluateParameters, fresh_scenes
-from shipland.learning.metrics import wilson_interval
 from shipland.learning.sensor import degrade
 from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
 from shipland.learning.synth import compressed, crop_camera, jpeg_quality
@@ -42,6 +41,7 @@ from shipland.sim.scene.scene import Scene
 from shipland.sim.scene.tone import develop
 from shipland.sim.state import SceneState
 from shipland.sim.target_box import NearestBox, target_box
+from shipland.statistics import share_interval
 from shipland.vision.far.decode import iou
 from shipland.vision.far.detector import Detector
 from shipland.vision.far.parameters import detector_parameters
@@ -344,7 +344,7 @@ def _tables(looks: Sequence[Looked]) -> Iterator[str]:
             cells = [f"{low:.0f}–{high:.0f}"]
             for side in (0, 1):
                 hits = sum(pair[side].found for pair in pairs)
-                least, most = wilson_interval(hits, len(pairs))
+                least, most = share_interval(hits, len(pairs), "wilson")
                 cells.append(f"{hits} of {len(pairs)} ({100 * least:.0f}–{100 * most:.0f} %)")
             cells += [str(sum(pair[side].found and not pair[1 - side].found for pair in pairs)) for side in (0, 1)]
             rows.append(cells)

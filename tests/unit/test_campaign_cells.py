@@ -26,9 +26,9 @@ from shipland.evaluation.leaderboard import (
     rivals,
     swept_keys,
 )
-from shipland.evaluation.statistics import quantile_interval
 from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of, load_suite, task_digest
 from shipland.rig import Rig
+from shipland.statistics import quantile_interval
 
 GRID = (SuiteEntry(("rig-natops", "ship-sea6")),)
 

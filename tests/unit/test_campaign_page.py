@@ -12,9 +12,9 @@ from test_campaign import GOOD, NOWHERE
 
 from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.oracle import OracleRate
-from shipland.evaluation.statistics import Interval
 from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of
 from shipland.report.campaign_page import campaign_page
+from shipland.statistics import Interval
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 ABOUT = {"command": "shipland campaign made-up", "machine": {"processor": "p", "cores": 2, "platform": "Linux"}}

@@ -14,10 +14,10 @@ import shipland
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation import job
 from shipland.evaluation.landing import NAN, column_of
-from shipland.evaluation.statistics import share_interval
 from shipland.factories import name_of
 from shipland.guidance.pilots import horizon, paper
 from shipland.scenario.scenario import load_scenario
+from shipland.statistics import share_interval
 
 
 @pytest.fixture

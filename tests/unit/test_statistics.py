@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shipland.evaluation.statistics import compare, mean_interval, share_interval
+from shipland.statistics import compare, mean_interval, share_interval
 
 
 def test_exact_interval_is_clopper_and_pearsons():
@@ -14,6 +14,7 @@ def test_exact_interval_is_clopper_and_pearsons():
 
 def test_wilson_interval():
     assert share_interval(81, 263, "wilson") == pytest.approx((0.2553, 0.3662), abs=5e-5)  # Newcombe 1998, table I
+    assert share_interval(10, 10, "wilson") == pytest.approx((10 / (10 + 1.96**2), 1.0), abs=1e-4)
     assert share_interval(0, 0) == (0.0, 1.0)
 
 

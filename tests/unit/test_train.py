@@ -25,7 +25,7 @@ from shipland.learning.loss import (  # noqa: E402
     detection_loss,
     fit_anchors,
 )
-from shipland.learning.metrics import Tally, match, wilson_interval  # noqa: E402
+from shipland.learning.metrics import Tally, match  # noqa: E402
 from shipland.learning.settings import train_parameters  # noqa: E402
 from shipland.learning.windows import DiskWindows, ResidentWindows  # noqa: E402
 from shipland.learning.yolov3 import yolov3_layers  # noqa: E402
@@ -142,13 +142,6 @@ def test_a_target_is_hit_once_and_unasked_ones_do_not_count():
     targets = np.array([[0, 10, 10, 8, 8], [-1, 40, 10, 8, 8]], np.float32)
     boxes = np.array([[10, 10, 8, 8], [11, 10, 8, 8], [40, 10, 8, 8]], np.float32)
     assert match(boxes, np.array([0.6, 0.9, 0.8], np.float32), targets, 0.3).tolist() == [-1, 0, -2]
-
-
-def test_wilson_interval_of_a_known_case():
-    """10 of 10: low end n/(n + z²) = 10 / (10 + 3.8416)."""
-    low, high = wilson_interval(10, 10)
-    assert low == pytest.approx(10 / (10 + 1.96**2), abs=1e-4)
-    assert high == 1.0
 
 
 def test_rate_warms_up_and_falls():

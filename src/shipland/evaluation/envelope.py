@@ -173,16 +173,6 @@ def under_way(base: Cell, speed_kn: float) -> Cell:
     return Cell(scenario, (*base.settings, *changes.items()), base.pilot, base.vision)
 
 
-def is_bad(landing: Landing) -> bool:
-    """It struck something but the deck, or touched the deck beyond a limit."""
-    return not landing.landed and not is_refused(landing)
-
-
-def is_refused(landing: Landing) -> bool:
-    """It never touched the deck, and nothing else."""
-    return landing.reason.startswith("no touchdown")
-
-
 def limit_use(landing: Landing, limits: VerdictParameters) -> float:
     """The largest share of a limit that a touchdown used: of sink, drift, tilt and slip."""
     return max(
@@ -195,7 +185,7 @@ def limit_use(landing: Landing, limits: VerdictParameters) -> float:
 
 def rating_of(landings: Sequence[Landing], limits: VerdictParameters, rate: float) -> int:
     """1 to 5: see `RATINGS`; by the shares as measured, not by their intervals."""
-    bad, good = sum(map(is_bad, landings)), sum(it.success for it in landings)
+    bad, good = sum(it.bad for it in landings), sum(it.success for it in landings)
     if 10 * bad >= len(landings):
         return 5
     if good < rate * len(landings):
@@ -216,8 +206,8 @@ def figures(scenario: Scenario, landings: Sequence[Landing], rate: float) -> dic
         "rating": rating_of(landings, limits, rate),
         "landed": tally.landed,
         "outside": sum(it.landed and not it.in_square for it in landings),
-        "bad": sum(map(is_bad, landings)),
-        "refused": sum(map(is_refused, landings)),
+        "bad": sum(it.bad for it in landings),
+        "refused": sum(it.refused for it in landings),
         "wave_offs": sum(it.phases.tries for it in landings),
     }
     for name in ("sink_mps", "slide_mps", "tilt_deg"):

@@ -188,6 +188,16 @@ class Landing:
         return math.isfinite(self.forward_m)
 
     @property
+    def refused(self) -> bool:
+        """It never touched the deck, and nothing else."""
+        return self.reason.startswith("no touchdown")
+
+    @property
+    def bad(self) -> bool:
+        """It struck something but the deck, or touched the deck beyond a limit."""
+        return not self.landed and not self.refused
+
+    @property
     def instant_s(self) -> float:
         """Time of contact on the time axis of the deck's motion."""
         return self.time_s + self.conditions.motion_start_s

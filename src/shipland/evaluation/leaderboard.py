@@ -16,11 +16,11 @@ from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.oracle import OracleRate, oracle_rate
 from shipland.evaluation.rules import rules
-from shipland.evaluation.statistics import Interval, Pairing, quantile_interval
 from shipland.evaluation.tables import by_seed, median, pair_up
 from shipland.evaluation.tally import Tally
 from shipland.files import json_bytes, json_of, read_text, write_atomically
 from shipland.rig import Rig, area_of
+from shipland.statistics import Interval, Pairing, quantile_interval
 
 
 def swept_keys(cells: Sequence[CellResult]) -> list[str]:

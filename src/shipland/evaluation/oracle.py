@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 from shipland.config import require
-from shipland.evaluation.statistics import Interval, mean_interval
 from shipland.frames import Array
 from shipland.rig import Rig
 from shipland.sim.aircraft.parameters import AirframeParameters
 from shipland.sim.ship.ship import ShipParameters, ShipState, build_ship
+from shipland.statistics import Interval, mean_interval
 
 LENGTH_S = 120.0
 """Of each motion that is drawn for an oracle rate."""

@@ -10,8 +10,8 @@ import numpy as np
 
 from shipland.errors import ConfigError
 from shipland.evaluation.landing import Landing
-from shipland.evaluation.statistics import Pairing, compare
 from shipland.evaluation.tally import Tally
+from shipland.statistics import Pairing, compare
 
 _PHASE_NAMES = {
     "search_s": "searching",

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from typing import NamedTuple
 
 from shipland.evaluation.landing import Landing
-from shipland.evaluation.statistics import Interval, share_interval
+from shipland.statistics import Interval, share_interval
 
 
 class Tally(NamedTuple):

@@ -82,13 +82,3 @@ class Tally:
         precision = hits / np.arange(1, len(hits) + 1)
         falling = np.maximum.accumulate(precision[::-1])[::-1]
         return float(np.sum(falling * hit[order]) / self.targets)
-
-
-def wilson_interval(hits: int, trials: int) -> tuple[float, float]:
-    """Wilson's 95 % interval of a proportion; (0, 1) without trials."""
-    from scipy.stats import binomtest
-
-    if trials == 0:
-        return 0.0, 1.0
-    interval = binomtest(hits, trials).proportion_ci(0.95, method="wilson")
-    return float(interval.low), float(interval.high)

@@ -13,7 +13,8 @@ import numpy.typing as npt
 from shipland.config import build
 from shipland.errors import ConfigError, DataError
 from shipland.files import json_of
-from shipland.learning.metrics import Tally, wilson_interval
+from shipland.learning.metrics import Tally
+from shipland.statistics import share_interval
 from shipland.vision.far.decode import iou
 
 BoxRow = tuple[float, float, float, float]
@@ -197,16 +198,17 @@ def _bin(low_m: float, high_m: float, records: list[SceneRecord], confidence: fl
     off = np.array([np.hypot(box[0] - target[0], box[1] - target[1]) for target, box in found])
     ratio = np.array([box[2] * box[3] / (target[2] * target[3]) - 1.0 for target, box in found])
     nan = float("nan")
+    confirmed_low, confirmed_high = share_interval(confirmed, len(tracked), "wilson")
     return RangeBin(
         low_m,
         high_m,
         len(seen),
         len(found) / len(seen) if seen else nan,
-        *wilson_interval(len(found), len(seen)),
+        *share_interval(len(found), len(seen), "wilson"),
         precision=len(found) / (len(found) + false) if found or false else nan,
         confirmed=confirmed / len(tracked) if tracked else nan,
-        confirmed_low=wilson_interval(confirmed, len(tracked))[0],
-        confirmed_high=wilson_interval(confirmed, len(tracked))[1],
+        confirmed_low=confirmed_low,
+        confirmed_high=confirmed_high,
         believed_precision=right / len(believed) if believed else nan,
         width_px=float(np.median([record.target[2] for record in seen if record.target])) if seen else nan,
         centre_px=float(np.median(off)) if len(off) else nan,
