@@ -10,7 +10,13 @@ from shipland.guidance.horizon.learned import LearnedParameters
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.laws import FarGains, FarVariant
 from shipland.guidance.modes import ModeParameters
-from shipland.guidance.near import NearParameters, VelocityMatchingParameters
+from shipland.guidance.near import NearParameters
+from shipland.guidance.rivals.parameters import (
+    DeckFollowingParameters,
+    ImageServoingParameters,
+    SpectralMpcParameters,
+    VelocityMatchingParameters,
+)
 from shipland.guidance.search import SearchParameters
 from shipland.guidance.simc import NearBaselines
 
@@ -105,6 +111,9 @@ class GuidanceParameters:
     far_baselines: FarBaselines = FarBaselines()
     near_baselines: NearBaselines = NearBaselines()
     velocity_matching: VelocityMatchingParameters = VelocityMatchingParameters()
+    image_servoing: ImageServoingParameters = ImageServoingParameters()
+    spectral_mpc: SpectralMpcParameters = SpectralMpcParameters()
+    deck_following: DeckFollowingParameters = DeckFollowingParameters()
     modes: ModeParameters = ModeParameters()
     approach: ApproachParameters = ApproachParameters()
     search: SearchParameters = SearchParameters()
