@@ -42,7 +42,7 @@ class SpectralMpcParameters:
     speed_weight: float = key(0.5, "of the squared relative speed [s²/m²]", "chosen", ge=0)
     step_weight: float = key(0.3, "of the squared change of the input, a step of 0.1 s", "chosen", gt=0)
     most_mps: float = key(1.5, "constraint on the speed relative to the target", "as velocity_matching's", gt=0)
-    disturbance_per_s: float = key(1.0, "bandwidth of the estimate of the wind's acceleration", "chosen", ge=0)
+    disturbance_per_s: float = key(0.6, "bandwidth of the estimate of the wind's acceleration", "chosen", ge=0)
     turn_per_s: float = key(1.0, "from a heading error to a yaw rate", "as velocity_matching's", gt=0)
     calm_mps: float = key(0.3, "above commit height it waits while the deck will meet it faster", "chosen", gt=0)
 

@@ -14,6 +14,10 @@ from shipland.guidance.rivals.parameters import SpectralMpcParameters
 
 STEP_S, STEPS = 0.1, 20
 """Of the horizon."""
+_TICK_S = 1e-3
+"""To which steps are rounded, so that their transitions are found once."""
+_LEAD_S = 0.7
+"""Travel at the limit of the speed by which the place aimed at leads, at most, and grows over the horizon."""
 
 
 class Axis:
@@ -37,7 +41,7 @@ class Axis:
         rates = np.zeros((5, 5))  # place, speed, acceleration; input; disturbance
         rates[0, 1] = rates[1, 2] = rates[1, 4] = 1.0
         rates[1, 1], rates[2, 1:4] = -drag_per_s, np.array([-servo_per_s, -1.0, servo_per_s or 1.0]) / lag_s
-        self._rates = rates
+        self._rates, self._steps = rates, dict[int, Array]()
         step = linalg.expm(STEP_S * rates)
         free, forced, power = [], np.zeros((STEPS, STEPS, 2)), [np.eye(3)]
         for _ in range(STEPS):
@@ -83,10 +87,14 @@ class Axis:
             before: the input that is flown now.
         """
         free = self._free @ np.append(state, disturbance)
+        far_m = float(target[0, 0] - state[0])
+        beyond_m = np.maximum(abs(far_m) - self._most_mps * (_LEAD_S + STEP_S * np.arange(1.0, STEPS + 1.0)), 0.0)
         short = free - target
+        short[:, 0] += np.copysign(beyond_m, far_m)
         slope = self._weights[0] * short[:, 0] @ self._places + self._weights[1] * short[:, 1] @ self._speeds
         slope[0] -= self._step_weight * before
-        most_mps = np.maximum(self._most_mps, np.abs(short[0, 1]) + 0.1)
+        # Faster than the limit already, it is given no more than that: a programme without a solution helps nobody.
+        most_mps = np.maximum(self._most_mps, np.abs(short[:, 1]).max() + 0.1)
         limits = np.full(STEPS, self._most_input)
         high = np.concatenate([limits, target[:, 1] + most_mps - free[:, 1]])
         low = np.concatenate([-limits, target[:, 1] - most_mps - free[:, 1]])
@@ -98,6 +106,9 @@ class Axis:
         return clamp(float(found.x[0]), self._most_input) if usable else None
 
     def after(self, state: Array, disturbance: float, given: float, step_s: float) -> Array:
-        """(3,) state after a step with one input."""
+        """(3,) state after a step with one input, to the millisecond."""
         whole = np.array([*state.tolist(), given, disturbance])
-        return np.asarray((linalg.expm(step_s * self._rates) @ whole)[:3])
+        ticks = round(step_s / _TICK_S)
+        if ticks not in self._steps:
+            self._steps[ticks] = linalg.expm(ticks * _TICK_S * self._rates)
+        return np.asarray((self._steps[ticks] @ whole)[:3])

@@ -112,9 +112,9 @@ class SpectralMpc:
             state, push = self._state[index], float(self._disturbance_mps2[index])
             predicted = axis.after(state, push, float(self._inputs[index]), gap_s) if gap_s > 0.0 else state
             if own_mps is not None:
-                share = -math.expm1(-gap_s * self.parameters.disturbance_per_s)
-                off_mps = float(own_mps[index] - predicted[1])
-                self._disturbance_mps2[index] += self.parameters.disturbance_per_s * share * off_mps
+                if gap_s > 0.0:
+                    share = -math.expm1(-gap_s * self.parameters.disturbance_per_s)
+                    self._disturbance_mps2[index] += share * float(own_mps[index] - predicted[1]) / gap_s
                 place_m = state[0] + 0.5 * gap_s * (state[1] + own_mps[index])
                 predicted = np.array([place_m, own_mps[index], predicted[2]])
             self._state[index] = predicted
