@@ -10,9 +10,9 @@ from shipland.camera import Camera, CameraParameters, level_from_camera
 from shipland.frames import rotation_from_euler
 from shipland.guidance.estimate import MeasuredError
 from shipland.guidance.near import HOLD
+from shipland.guidance.parameters import ImageServoingParameters, SpectralMpcParameters
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.guidance.rivals.image_servoing import ImageServoing, _interaction
-from shipland.guidance.rivals.parameters import ImageServoingParameters, SpectralMpcParameters
 from shipland.guidance.rivals.waves import STEP_S, Waves
 from shipland.messages import GimbalAttitude
 from shipland.rig import Rig

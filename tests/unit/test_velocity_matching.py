@@ -5,8 +5,8 @@ import pytest
 
 from shipland.guidance.estimate import MeasuredError
 from shipland.guidance.near import HOLD
+from shipland.guidance.parameters import VelocityMatchingParameters
 from shipland.guidance.response import ANAFI_LIKE
-from shipland.guidance.rivals.parameters import VelocityMatchingParameters
 from shipland.guidance.rivals.velocity_matching import VelocityMatching
 
 STEP_S = 1.0 / 30.0

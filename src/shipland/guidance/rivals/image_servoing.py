@@ -23,8 +23,8 @@ from shipland.frames import Array, rotation_from_euler
 from shipland.guidance.estimate import MeasuredError, NearEstimate
 from shipland.guidance.laws import clamp
 from shipland.guidance.near import HOLD, SticksPercent
+from shipland.guidance.parameters import ImageServoingParameters
 from shipland.guidance.response import Response
-from shipland.guidance.rivals.parameters import ImageServoingParameters
 
 _LONGEST_GAP_S = 1.0
 _LEAST_AHEAD = 0.1

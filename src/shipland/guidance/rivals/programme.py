@@ -10,7 +10,7 @@ from scipy import linalg, sparse
 
 from shipland.frames import Array
 from shipland.guidance.laws import clamp
-from shipland.guidance.rivals.parameters import SpectralMpcParameters
+from shipland.guidance.parameters import SpectralMpcParameters
 
 STEP_S, STEPS = 0.1, 20
 """Of the horizon."""

@@ -25,8 +25,8 @@ from shipland.guidance.estimate import MeasuredError, NearEstimate
 from shipland.guidance.laws import clamp
 from shipland.guidance.mode_pilot import ModePilot
 from shipland.guidance.near import HOLD, SticksPercent
+from shipland.guidance.parameters import SpectralMpcParameters
 from shipland.guidance.response import Response
-from shipland.guidance.rivals.parameters import SpectralMpcParameters
 from shipland.guidance.rivals.programme import STEPS, Axis
 from shipland.guidance.rivals.waves import STEP_S, Waves
 from shipland.guidance.situation import PositionEstimate

@@ -15,8 +15,8 @@ from shipland.frames import Array, rotated, rotation_from_euler, wrap_angle
 from shipland.guidance.estimate import MeasuredError, NearEstimate
 from shipland.guidance.laws import clamp
 from shipland.guidance.near import HOLD, SticksPercent
+from shipland.guidance.parameters import VelocityMatchingParameters
 from shipland.guidance.response import Response
-from shipland.guidance.rivals.parameters import VelocityMatchingParameters
 
 _LONGEST_GAP_S = 1.0
 

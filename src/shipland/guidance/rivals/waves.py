@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from shipland.frames import Array
-from shipland.guidance.rivals.parameters import SpectralMpcParameters
+from shipland.guidance.parameters import SpectralMpcParameters
 
 STEP_S = 0.1
 """Of the series that is decomposed."""
