@@ -28,6 +28,7 @@ EXTRAS: dict[str, Extra] = {
     "openvino": Extra("openvino", "detectors in half the time on a CPU that computes in bf16"),
     "mavlink": Extra("pymavlink", "ArduPilot and PX4 vehicles, their logs for `see`"),
     "ros2": Extra("rosbags", "`ros2://` vehicles, nodes and bags"),
+    "mpc": Extra("osqp", "pilot `spectral_mpc`"),
     "viewer": Extra("rerun", "`shipland replay --viewer`"),
     "rl": Extra("gymnasium", "the Gymnasium environments"),
     "learn": Extra("stable_baselines3", "training policies"),

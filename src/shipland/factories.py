@@ -23,12 +23,15 @@ Factory = Callable[..., Any]
 
 PACKAGED: dict[str, dict[str, str]] = {
     "pilots": {
+        "deck_following": "shipland.guidance.pilots:deck_following",
         "horizon": "shipland.guidance.pilots:horizon",
+        "image_servoing": "shipland.guidance.pilots:image_servoing",
         "learned": "shipland.guidance.pilots:learned",
         "p": "shipland.guidance.pilots:p",
         "paper": "shipland.guidance.pilots:paper",
         "pid": "shipland.guidance.pilots:pid",
         "residual": "shipland.guidance.pilots:residual",
+        "spectral_mpc": "shipland.guidance.pilots:spectral_mpc",
         "velocity_matching": "shipland.guidance.pilots:velocity_matching",
     },
     "visions": {

@@ -156,14 +156,18 @@ class DeckSight:
     Attributes:
         centre_in_level_m: (3,) the deck's centre from the camera: forward, right, down, level, as the nose looks [m].
         deviation_m: (3,) standard deviation of it along each axis [m].
+        normal_in_level: (3,) unit vector of the deck's down axis; None from a vision that gives no attitude.
     """
 
     centre_in_level_m: Array
     deviation_m: Array
+    normal_in_level: Array | None = None
 
     def __post_init__(self) -> None:
         _check_shape("DeckSight", "centre_in_level_m", self.centre_in_level_m, (3,))
         _check_shape("DeckSight", "deviation_m", self.deviation_m, (3,))
+        if self.normal_in_level is not None:
+            _check_shape("DeckSight", "normal_in_level", self.normal_in_level, (3,))
 
 
 @dataclass(frozen=True)

@@ -145,7 +145,12 @@ def _deck(given: DeckSight | None) -> DeckSight | None:
     if given is None:
         return None
     deck = _of(given, DeckSight, "deck")
-    return DeckSight(_array(deck.centre_in_level_m, "centre_in_level_m"), _array(deck.deviation_m, "deviation_m"))
+    normal = deck.normal_in_level
+    return DeckSight(
+        _array(deck.centre_in_level_m, "centre_in_level_m"),
+        _array(deck.deviation_m, "deviation_m"),
+        None if normal is None else _array(normal, "normal_in_level"),
+    )
 
 
 def _is_plain(value: object, cls: type) -> bool:

@@ -25,6 +25,12 @@ def test_own_pilot_lands():
     assert flight.success, flight.reason
 
 
+def test_own_rival_lands():
+    scenario = shipland.load_scenario("near", **{"aircraft.loop.kind": "velocity"})
+    flight = shipland.fly(scenario, pilot="own_rival:proportional", seed=3)
+    assert flight.success, flight.reason
+
+
 def test_own_vision_sees():
     scenario = shipland.load_scenario("near", time_limit_s=0.5)
     flight = shipland.fly(scenario, vision="own_vision:green_box", seed=3)

@@ -31,7 +31,7 @@ def test_a_file_of_the_current_folder_is_importable(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("papper", "there are: horizon, learned, p, paper, pid, residual"),
+        ("papper", "there are: deck_following, horizon, image_servoing, learned, p, paper, pid, residual"),
         ("nowhere_at_all:pilot", "no module 'nowhere_at_all'"),
         ("shipland.frames:no_such", "no 'no_such' to call"),
         ("shipland_test_broken:pilot", "ValueError: out of order"),

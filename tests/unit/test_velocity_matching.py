@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from shipland.guidance.estimate import MeasuredError
-from shipland.guidance.near import HOLD, VelocityMatchingParameters
+from shipland.guidance.near import HOLD
+from shipland.guidance.parameters import VelocityMatchingParameters
 from shipland.guidance.response import ANAFI_LIKE
-from shipland.guidance.velocity_matching import VelocityMatching
+from shipland.guidance.rivals.velocity_matching import VelocityMatching
 
 STEP_S = 1.0 / 30.0
 

@@ -1,4 +1,8 @@
-"""The geometric camera's look down: the true place of the deck with the errors of the rendered one's."""
+"""The geometric camera's look down: the true place of the deck with the errors of the rendered one's.
+
+The deck's attitude goes with it as a tag on the deck would give it: true but for noise, without the second solution
+that a small plane's pose has, and seen wherever the deck's centre is. No drawn picture gives it.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +27,12 @@ class GeometricDeck:
         self, truth_source: GroundTruthSource, camera: Camera, errors: DeckErrors, rng: np.random.Generator
     ) -> None:
         self._truth_source, self._camera, self._errors, self._rng = truth_source, camera, errors, rng
+        self._normal_rng = rng.spawn(1)[0]
 
     def see(self, frame: Frame) -> Observation:
         """What the look down would find; never raises."""
         noise_m = self._errors.noise_m * self._rng.standard_normal(3)
+        tilted = self._errors.normal_noise_rad * self._normal_rng.standard_normal(2)
         missed = self._rng.random() < self._errors.miss_rate
         truth = self._truth_source.truth_at(frame.t_s if frame.stamp_s is None else frame.stamp_s)
         if truth is None:
@@ -45,4 +51,6 @@ class GeometricDeck:
         # Levelled as the vision levels it: by what the gimbal says of itself, which errs.
         gimbal = frame.gimbal
         centre_m = level_from_camera(gimbal) @ in_camera_m + noise_m
-        return Observation(frame.t_s, gimbal, deck=DeckSight(centre_m, np.full(3, self._errors.noise_m)))
+        normal = level_from_camera(gimbal) @ camera.rotation.T @ deck.rotation[:, 2] + np.array([*tilted, 0.0])
+        normal /= math.hypot(*normal.tolist())
+        return Observation(frame.t_s, gimbal, deck=DeckSight(centre_m, np.full(3, self._errors.noise_m), normal))

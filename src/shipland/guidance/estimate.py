@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from shipland.frames import Array, rotation_from_euler
-from shipland.messages import BarPose
+from shipland.messages import BarPose, GimbalAttitude
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,11 @@ class MeasuredError:
         yaw_rad: heading against the bar.
         bar_elevation_rad: the bar's centre above the horizon, from the camera.
         velocity_in_level_mps: (3,) the vehicle's own as told last; None where it does not say.
+        wanted_in_bar_m: (3,) the reference point.
+        corners_px: (4n,2) of the cue in the picture, as of `BarPose`; none where it is not known.
+        gimbal: the camera's attitude at the exposure.
+        heading_rad: by the compass, at the exposure; None without one.
+        velocity_t_s: when the velocity was true; None: at the decision.
     """
 
     t_s: float
@@ -30,6 +35,11 @@ class MeasuredError:
     yaw_rad: float
     bar_elevation_rad: float
     velocity_in_level_mps: Array | None = None
+    wanted_in_bar_m: Array = field(default_factory=lambda: np.zeros(3))
+    corners_px: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    gimbal: GimbalAttitude = field(default_factory=lambda: GimbalAttitude(0.0, 0.0))
+    heading_rad: float | None = None
+    velocity_t_s: float | None = None
 
 
 def measure(
@@ -58,7 +68,9 @@ def measure(
     wanted_in_level_m = camera_in_body_m + bar_in_level_m + level_from_bar @ wanted_in_bar_m
     elevation_rad = math.atan2(-bar_in_level_m[2], float(np.hypot(bar_in_level_m[0], bar_in_level_m[1])))
     error = wanted_in_level_m * np.array([1.0, 1.0, -1.0])
-    return MeasuredError(t_s, age_s, error, pose.yaw_rad, elevation_rad, velocity_in_level_mps)
+    return MeasuredError(
+        t_s, age_s, error, pose.yaw_rad, elevation_rad, velocity_in_level_mps, wanted_in_bar_m, pose.corners_px
+    )
 
 
 @dataclass(frozen=True)

@@ -135,6 +135,12 @@ class ModePilot:
             return position
         age_s, own_mps = telemetry.t_s - observation.t_s, telemetry.velocity_in_level_mps
         measured = measure(observation.t_s, age_s, pose, self._reference_in_bar_m, self._camera_in_body_m, own_mps)
+        measured = replace(
+            measured,
+            gimbal=observation.gimbal,
+            heading_rad=self._compass.at(observation.t_s),
+            velocity_t_s=telemetry.velocity_t_s,
+        )
         before = position.estimate
         if before is not None and measured.t_s - before.t_s > self._guidance.modes.lost_s:
             self._near.reset()

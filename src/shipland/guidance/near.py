@@ -40,20 +40,6 @@ class NearControl(Protocol):
         """The bar was lost or the reference changed: forget what does not outlast it."""
 
 
-@parameters
-class VelocityMatchingParameters:
-    """`[guidance.velocity_matching]`."""
-
-    position_per_s: float = key(0.95, "from an error to a speed, horizontally", "PX4's MPC_XY_P", gt=0)
-    climb_per_s: float = key(1.0, "likewise vertically", "PX4's MPC_Z_P", gt=0)
-    turn_per_s: float = key(1.0, "from a heading error to a yaw rate", "chosen: a second, as the height's", gt=0)
-    velocity_per_s: float = key(1.8, "from a speed error to an acceleration", "PX4's MPC_XY_VEL_P_ACC", gt=0)
-    integral_per_s2: float = key(0.4, "from its integral", "PX4's MPC_XY_VEL_I_ACC", ge=0)
-    most_mps: float = key(1.5, "speed at which an error is closed", "chosen: stops within the deck's length", gt=0)
-    target_mps2: float = key(0.5, "acceleration of the target, of a constant velocity", "chosen: a deck's sway", gt=0)
-    picture_m: float = key(0.05, "standard deviation of a picture's error", "chosen: at 10 m", gt=0)
-
-
 FilterKind = Literal["kalman", "none"]
 
 

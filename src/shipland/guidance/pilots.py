@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+import numpy as np
+
 from shipland.guidance.far import FarKind, FarTables, far_control
 from shipland.guidance.near import NearControl, PublishedNear
 from shipland.guidance.pilot import Pilot, PilotSetup
+
+if TYPE_CHECKING:
+    from shipland.guidance.mode_pilot import ModePilot
 
 
 def paper(setup: PilotSetup) -> Pilot:
@@ -30,9 +37,34 @@ def pid(setup: PilotSetup) -> Pilot:
 
 def velocity_matching(setup: PilotSetup) -> Pilot:
     """A rival: the published modes with a near control that matches the ship's velocity, as PX4's gains fly."""
-    from shipland.guidance.velocity_matching import VelocityMatching
+    from shipland.guidance.rivals.velocity_matching import VelocityMatching
 
     return _by_modes(setup, "p", VelocityMatching(setup.guidance.velocity_matching, setup.response))
+
+
+def image_servoing(setup: PilotSetup) -> Pilot:
+    """A rival: the published modes with image-based visual servoing on the cue's corners."""
+    from shipland.guidance.rivals.image_servoing import ImageServoing
+
+    parameters, cue = setup.guidance.image_servoing, setup.rig.cue
+    return _by_modes(
+        setup, "p", ImageServoing(parameters, setup.response, cue, setup.camera, np.asarray(setup.camera_in_body_m))
+    )
+
+
+def spectral_mpc(setup: PilotSetup) -> Pilot:
+    """A rival: the published modes with model predictive control to the waves that a spectrum predicts."""
+    from shipland.guidance.rivals.spectral_mpc import SpectralMpc, SpectralPilot
+
+    return _by_modes(setup, "p", SpectralMpc(setup.guidance.spectral_mpc, setup.response), SpectralPilot)
+
+
+def deck_following(setup: PilotSetup) -> Pilot:
+    """A rival: to the hover by the bar, then down by a tag on the deck, whose motion and attitude it follows."""
+    from shipland.guidance.rivals.deck_following import DeckFollowing
+    from shipland.guidance.rivals.velocity_matching import VelocityMatching
+
+    return _by_modes(setup, "p", VelocityMatching(setup.guidance.velocity_matching, setup.response), DeckFollowing)
 
 
 def horizon(setup: PilotSetup) -> Pilot:
@@ -58,11 +90,11 @@ def learned(setup: PilotSetup) -> Pilot:
     return HorizonPilot(setup, LearnedSteering(setup.guidance.learned.direct, "direct", setup.response))
 
 
-def _by_modes(setup: PilotSetup, far_kind: FarKind, near: NearControl) -> Pilot:
-    """The published modes around a far law and a near control."""
+def _by_modes(setup: PilotSetup, far_kind: FarKind, near: NearControl, pilot: type[ModePilot] | None = None) -> Pilot:
+    """The published modes around a far law and a near control; a rival that differs beyond these has a pilot."""
     from shipland.guidance.mode_pilot import ModePilot
 
     guidance = setup.guidance
     tables = FarTables.for_camera(guidance.ship, guidance.bar, setup.camera)
     far = far_control(far_kind, guidance.far_variant, guidance.far_baselines, guidance.near, tables, setup.camera)
-    return ModePilot(setup, tables, far, near)
+    return (pilot or ModePilot)(setup, tables, far, near)

@@ -229,6 +229,7 @@ def _plausible_deck(deck: DeckSight) -> bool:
         _within(deck.centre_in_level_m, _HIGHEST_M)
         and _within(deck.deviation_m, _HIGHEST_M)
         and min(deck.deviation_m.tolist()) >= 0.0
+        and (deck.normal_in_level is None or _within(deck.normal_in_level, 1.5))
     )
 
 

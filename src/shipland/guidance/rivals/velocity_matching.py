@@ -14,7 +14,8 @@ import numpy as np
 from shipland.frames import Array, rotated, rotation_from_euler, wrap_angle
 from shipland.guidance.estimate import MeasuredError, NearEstimate
 from shipland.guidance.laws import clamp
-from shipland.guidance.near import HOLD, SticksPercent, VelocityMatchingParameters
+from shipland.guidance.near import HOLD, SticksPercent
+from shipland.guidance.parameters import VelocityMatchingParameters
 from shipland.guidance.response import Response
 
 _LONGEST_GAP_S = 1.0
