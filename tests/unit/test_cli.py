@@ -126,7 +126,7 @@ BAD_VALUE = "[wind]\nmean_mps = -3.0\n"
     [
         (("fly", "--scenario", "nowhere"), "nowhere"),
         (("fly", "--config", "missing.toml"), "does not exist"),
-        (("fly", "--pilot", "papper"), "there are: horizon, learned, p, paper, pid, residual"),
+        (("fly", "--pilot", "papper"), "there are: deck_following, horizon, image_servoing, learned"),
         (("fly", "--vision", "nowhere:eyes"), "no module 'nowhere'"),
         (("fly", "--set", "wind.mean_mps=-1"), "mean_mps"),
         (("fly", "--set", "wind.mean_mps=1,2"), "one value"),

@@ -24,7 +24,7 @@ def speeds(of: Course, times_s: np.ndarray) -> np.ndarray:
     return np.array([np.hypot(*of.at(t).velocity_in_ned_mps) for t in times_s])
 
 
-@pytest.mark.parametrize("kind", ["still", "straight", "s", "turn", "turn90", "random", "reverse"])
+@pytest.mark.parametrize("kind", ["still", "straight", "s", "turn", "turn90", "random", "varying", "reverse"])
 def test_derivatives_are_those_of_the_values(kind: str) -> None:
     way = course(kind=kind, course_deg=40.0, speed_mps=3.0)
     for t_s in np.random.default_rng(1).uniform(0.0, 200.0, 300):
@@ -41,7 +41,7 @@ def test_derivatives_are_those_of_the_values(kind: str) -> None:
         assert now.course_acceleration_rad_s2 == pytest.approx(course_acceleration, abs=1e-4)
 
 
-@pytest.mark.parametrize("kind", ["s", "turn90", "random"])
+@pytest.mark.parametrize("kind", ["s", "turn90", "random", "varying"])
 def test_nothing_jumps_along_the_way(kind: str) -> None:
     way = course(kind=kind, speed_mps=4.5)
     times_s = np.arange(0.0, 150.0, 0.01)

@@ -116,8 +116,9 @@ def test_columns_of_numbers_carry_their_unit():
     without = {
         name for name, what in described.items() if what["type"] in ("number", "array") and not unit.search(name)
     }
-    # A rotation, a confidence and a probability have no unit; the covariance has four, said in BarPose.
-    assert all(name.endswith(("_rotation", "_confidence", "_covariance", "_probability")) for name in without), without
+    # A rotation, a direction, a confidence and a probability have no unit; the covariance has four, said in BarPose.
+    unitless = ("_rotation", "_normal_in_level", "_confidence", "_covariance", "_probability")
+    assert all(name.endswith(unitless) for name in without), without
 
 
 @pytest.mark.parametrize("cls", [FlightRecord, TouchdownVerdict, Derived, LogHeader])

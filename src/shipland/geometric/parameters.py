@@ -46,12 +46,6 @@ class DeckErrors:
     most_m: float = key(2.5, "from the camera; farther, they are too small")
     noise_m: float = key(0.004, "standard deviation of a place along each axis", gt=0)
     miss_rate: float = key(0.02, "share of frames without a sight", ge=0, lt=1)
-    normal_noise_rad: float = key(
-        0.01,
-        "standard deviation of the deck's attitude, each way",
-        "derived: a 0.30 m tag 1.2 m below, each corner off by 0.3 px; a radian of tilt moves one by 14.5 px",
-        ge=0,
-    )
 
     def __post_init__(self) -> None:
         require(self.least_m < self.most_m, "least_m < most_m must hold")

@@ -213,12 +213,13 @@ class ManoeuvringCourse:
 class CourseParameters:
     """Section `[ship.course]`."""
 
-    kind: Literal["still", "straight", "s", "turn", "turn90", "random", "reverse"] = key(
-        "still", "a turn is by `change_deg`, `turn90` by 90°; `random` turns within it; `reverse` stops and goes astern"
+    kind: Literal["still", "straight", "s", "turn", "turn90", "random", "varying", "reverse"] = key(
+        "still",
+        "a turn is by `change_deg`, `turn90` by 90°; `random` turns within it, at half the speed to all of it; "
+        "`varying` likewise, at any speed from none to that; `reverse` stops and goes astern",
     )
     course_deg: float = key(0.0, "the first heading, clockwise from north")
-    speed_mps: float = key(2.0, "speed; the most on a random course", ge=0)
-    slowest: float = key(0.5, "speed on a random course, at least, as a share of that", ge=0, le=1)
+    speed_mps: float = key(2.0, "speed", ge=0)
     speed_max_mps: float = key(4.5, "the platform's fastest", "[Lee2022]: 0–4.5 m/s")
     start_s: float = key(10.0, "straight ahead before the first manoeuvre", ge=0)
     change_deg: float = key(
@@ -228,7 +229,7 @@ class CourseParameters:
     turn_radius_m: float = key(
         9.0, "tightest radius of a turn", "chosen: three platform lengths, about a frigate's tightest turn", gt=0
     )
-    manoeuvres: int = key(8, "number of them in an S or a random course", ge=0, le=1000)
+    manoeuvres: int = key(8, "number of them in an S, a random or a varying course", ge=0, le=1000)
 
     def __post_init__(self) -> None:
         fastest = self.speed_max_mps
@@ -249,9 +250,10 @@ def build_course(parameters: CourseParameters, rng: np.random.Generator) -> Cour
     if p.kind == "reverse":
         return ManoeuvringCourse(course_rad, p.speed_mps, [Manoeuvre(p.start_s, p.leg_s, 0.0, -2.0 * p.speed_mps)])
     change_rad = math.radians(90.0 if p.kind == "turn90" else p.change_deg)
-    if p.kind == "random":
+    slowest, shortest_s = (0.0, 5.0) if p.kind == "varying" else (0.5, 1.0)
+    if p.kind in ("random", "varying"):
         turns = rng.uniform(-abs(change_rad), abs(change_rad), p.manoeuvres)
-        speeds = p.speed_mps * rng.uniform(p.slowest, 1.0, p.manoeuvres)
+        speeds = p.speed_mps * rng.uniform(slowest, 1.0, p.manoeuvres)
         legs = p.leg_s * rng.uniform(0.5, 1.5, p.manoeuvres)
     else:
         count = p.manoeuvres if p.kind == "s" else 1
@@ -265,7 +267,7 @@ def build_course(parameters: CourseParameters, rng: np.random.Generator) -> Cour
     start_s, speed_mps = p.start_s, p.speed_mps
     for turn, speed, leg_s in zip(turns.tolist(), speeds.tolist(), legs.tolist(), strict=True):
         slowest_mps = max(min(speed, speed_mps), 0.1)
-        duration_s = max(PEAK_BLEND_RATE * abs(turn) * p.turn_radius_m / slowest_mps, abs(speed - speed_mps), 1.0)
+        duration_s = max(PEAK_BLEND_RATE * abs(turn) * p.turn_radius_m / slowest_mps, shortest_s)
         manoeuvres.append(Manoeuvre(start_s, duration_s, turn, speed - speed_mps))
         start_s, speed_mps = start_s + duration_s + leg_s, speed
     return ManoeuvringCourse(course_rad, p.speed_mps, manoeuvres)
