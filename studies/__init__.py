@@ -8,7 +8,7 @@ ORDER = tuple(
     paper_figures pilot_consistency reliability reach spoiled_cue consistency clock baselines pose_error film_errors
     far_vision frigate_recall false_accepts confirmation
     courses published_gains moment margins winds measurements faults full hazards frigate wake headline far
-    frigate_rendered landings policies envelope
+    frigate_rendered visibility landings policies envelope
     """.split()  # noqa: SIM905 - a list of names, a line for each kind
 )
 """The order in which `make results` runs them: the short ones first."""

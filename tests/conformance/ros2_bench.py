@@ -56,13 +56,13 @@ def own_domain() -> int:
 class Drone:
     """Flies speeds or tilts with a first-order lag, a hundred times a second, and tells so; its pictures are grey."""
 
-    def __init__(self, domain: int) -> None:
+    def __init__(self, domain: int, stamp_off_s: float = 0.0) -> None:
         self.domain = domain
         self.node = Node(domain, local=True)
         self.topics = vehicle_topics("drone", {})
         self.armed = self.guided = True
         self.silent = self.frozen = False
-        self.stamp_off_s = 0.0
+        self.stamp_off_s = stamp_off_s
         self.wanted = HOLD
         self.tilts = self.landing = False
         self.mount: Any = None
@@ -132,10 +132,10 @@ class Drone:
 
 
 @contextmanager
-def bench(options: str = "", **section: Any) -> Iterator[tuple[Ros2Vehicle, Drone]]:
+def bench(options: str = "", stamp_off_s: float = 0.0, **section: Any) -> Iterator[tuple[Ros2Vehicle, Drone]]:
     """The vehicle, not yet open, and its drone, in a domain of their own."""
     domain = own_domain()
-    drone = Drone(domain)
+    drone = Drone(domain, stamp_off_s)
     address = Address.parse(f"ros2://drone?local=1&domain={domain}{options}")
     table = {name: {} for name in ("camera", "preflight")} | packaged_toml("vehicles")
     table["ros2"] = {"engage_timeout_s": 5.0, "video_timeout_s": 2.0, "connect_timeout_s": 10.0} | section

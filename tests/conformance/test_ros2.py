@@ -199,12 +199,10 @@ def test_pictures_that_stop_end_the_flight() -> None:
 
 
 def test_stamps_of_another_clock_are_refused_unless_the_latency_is_stated() -> None:
-    with bench() as (vehicle, drone):
-        drone.stamp_off_s = -30.0
-        with pytest.raises(VehicleError, match=r"\+30.*synchronise the clocks"):
-            vehicle.connect()
-    with bench("&latency_s=0.1") as (vehicle, drone):
-        drone.stamp_off_s = -30.0
+    refused = pytest.raises(VehicleError, match=r"\+30.*synchronise the clocks")
+    with bench(stamp_off_s=-30.0) as (vehicle, _), refused:
+        vehicle.connect()
+    with bench("&latency_s=0.1", stamp_off_s=-30.0) as (vehicle, _):
         vehicle.open()
         pair = vehicle.read()
         assert pair is not None
