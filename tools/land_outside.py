@@ -27,7 +27,7 @@ import tyro
 from shipland.camera import Camera
 from shipland.errors import DataError
 from shipland.record.reader import FlightLog, read_log
-from shipland.scenario.scenario import load_scenario
+from shipland.scenario.scenario import load_scenario, scenario_table
 from shipland.statistics import share_interval
 
 ROOT = Path(__file__).parents[1]
@@ -50,11 +50,13 @@ class Arguments:
         defaults: files of parameters.
         vehicle_config: examples/arducopter.toml or px4.toml unless given.
         set: section.key=value; may be given several times.
+        own_landing: once the pilot would land, the autopilot does: its LAND mode with precision landing, on the
+            LANDING_TARGET that it is told, with examples/precision-landing.parm and the pictures' latency as PLND_LAG.
         climb_m, takeoff_m: as the vehicle's.
         boot_s: for the autopilot to find itself.
         limit_s: of a flight.
         instance: of the ports, for another set beside this one.
-        speed: of real time; PX4 flies in lockstep at any.
+        speed: of real time.
         video: whether one is drawn.
         out: folder.
     """
@@ -68,6 +70,7 @@ class Arguments:
     defaults: tuple[Path, ...] = ()
     vehicle_config: Path | None = None
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    own_landing: bool = False
     climb_m: float = 0.9
     takeoff_m: float = 0.9
     boot_s: float = 30.0
@@ -124,13 +127,24 @@ def autopilot(arguments: Arguments, folder: Path, ports: Ports) -> tuple[list[st
     binary = os.environ.get("SHIPLAND_ARDUCOPTER")
     if not binary:
         raise SystemExit("SHIPLAND_ARDUCOPTER must name an ArduCopter binary built for its simulator")
-    defaults = ",".join(str(path.resolve()) for path in (*arguments.defaults, ROOT / "examples" / "arducopter.parm"))
+    files = [*arguments.defaults, ROOT / "examples" / "arducopter.parm"]
+    files += own_landing_parameters(arguments, folder) if arguments.own_landing else []
+    defaults = ",".join(str(path.resolve()) for path in files)
     (folder / "eeprom.bin").unlink(missing_ok=True)
-    command = [str(Path(binary).resolve()), "--model", "JSON:127.0.0.1", "--speedup", "1", "--defaults", defaults]
+    command = [str(Path(binary).resolve()), "--model", "JSON:127.0.0.1", "--defaults", defaults]
+    command += ["--speedup", f"{arguments.speed:g}"]
     command += ["--home", HOME]
     # without `tcp:0` it waits for somebody on its port before it boots
     command += ["--wipe", "-I", str(arguments.instance), "--serial0", "tcp:0"]
     return command, f"tcp:127.0.0.1:{ports.arducopter}"
+
+
+def own_landing_parameters(arguments: Arguments, folder: Path) -> list[Path]:
+    """What ArduCopter's precision landing needs; the pictures' latency counts as far as ArduCopter takes it."""
+    lag = folder / "lag.parm"
+    delays = load_scenario(scenario_table(arguments.scenario, None, arguments.set)).delays
+    lag.write_text(f"PLND_LAG {delays.video_s:g}\n")
+    return [ROOT / "examples" / "precision-landing.parm", lag]
 
 
 def lateness(log: FlightLog) -> dict[str, float]:
@@ -188,6 +202,7 @@ def land(arguments: Arguments, seed: int) -> dict[str, object]:
     served += ["--pictures"] if arguments.vision == "rendered" else []
     command, place = autopilot(arguments, folder, ports)
     address = f"mavlink://{place}?camera=frames:127.0.0.1:{ports.frames}&takeoff={arguments.takeoff_m}"
+    address += "&own_landing=1" if arguments.own_landing else ""
     fly = ["fly", *common, "--vehicle", address, "--calibration", str(calibration), "--vision", arguments.vision]
     fly += ["--pilot", arguments.pilot, "--out", str(folder), *(() if arguments.video else ("--no-video",))]
     config = arguments.vehicle_config
@@ -223,8 +238,8 @@ def land(arguments: Arguments, seed: int) -> dict[str, object]:
 
 def main(arguments: Arguments) -> None:
     """Fly the seeds and print the table."""
-    if arguments.speed < 1.0 and arguments.autopilot != "px4":
-        sys.exit("--speed below 1 needs an autopilot that takes its clock from the physics: --autopilot px4")
+    if arguments.speed < 1.0 and arguments.autopilot == "stand-in":
+        sys.exit("--speed below 1 needs an autopilot that takes its clock from the physics")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # subprocess.run then ends its own, `land` the others
     results = []
     for seed in range(arguments.first, arguments.first + arguments.seeds):

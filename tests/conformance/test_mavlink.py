@@ -401,6 +401,36 @@ def test_touchdown_on_a_moving_deck_stops_the_motors_by_force() -> None:
         assert disarms[:2] == [[400, 0.0, 0.0], [400, 0.0, 21196.0]]  # by force as soon as it was denied
 
 
+OWN_LANDING = {"ardupilot": 9, "px4": 4 << 16 | 9 << 24}
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_where_the_autopilot_is_to_land_it_does_once_the_pilot_would(kind: str) -> None:
+    with bench(kind, engagement=Engagement(take=True, own_landing=True)) as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.5, 0.0, 0.0, 0.0, 0.0)
+        assert vehicle.in_command == "shipland"
+        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert autopilot.report()["mode"] == OWN_LANDING[kind]
+        before, turned = set_points(autopilot), autopilot.report()["counts"]["GIMBAL_MANAGER_SET_PITCHYAW"]
+        assert fly(vehicle, 1.0, 0.0, 0.0, 100.0, 0.0, intent=Intent.GO_AROUND)  # it is the autopilot's for good
+        assert vehicle.in_command == "the autopilot"
+        assert set_points(autopilot) == before
+        assert autopilot.report()["counts"]["GIMBAL_MANAGER_SET_PITCHYAW"] > turned  # the camera follows the cue
+        vehicle.session.command(400, 0, 21196)
+        assert not fly(vehicle, 3.0, 0.0, 0.0, 0.0, 0.0)
+        assert vehicle.end_reason.startswith("landed")
+
+
+def test_a_pilots_mode_ends_the_autopilots_own_landing_too() -> None:
+    with bench(engagement=Engagement(take=True, own_landing=True)) as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        autopilot.say("mode 5")
+        assert not fly(vehicle, 3.0, 0.0, 0.0, 0.0, 0.0)
+        assert "LOITER" in vehicle.end_reason
+
+
 @pytest.mark.parametrize(("kind", "mode"), [("ardupilot", 17), ("px4", 4 << 16 | 3 << 24)])
 def test_closed_in_flight_it_leaves_the_vehicle_in_a_mode_that_holds(kind: str, mode: int) -> None:
     with bench(kind) as (vehicle, autopilot, _):

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +10,8 @@ import pytest
 pytest.importorskip("pymavlink")
 
 from shipland.frames import rotation_from_euler
-from shipland.messages import BarPose
-from shipland.vehicles.mavlink.publish import Mounting, landing_target, position_estimate
+from shipland.messages import BarPose, GimbalAttitude, Observation
+from shipland.vehicles.mavlink.publish import Mounting, landing_target, position_estimate, tell
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState
 
 CAMERA_M = np.array([0.1, 0.0, 0.02])
@@ -56,3 +57,18 @@ def test_covariances_are_finite_whatever_the_pose_says() -> None:
     assert min(message.covariance[index] for index in (0, 6, 11, 15, 18, 20)) > 0.0
     ned_from_bar = rotation_from_euler(0.0, 0.0, STATE.heading_rad - YAW)
     assert np.array([message.x, message.y, message.z]) == pytest.approx(ned_from_bar @ PLACE_M, abs=1e-6)
+
+
+def test_the_pad_is_told_with_the_attitude_of_the_exposure() -> None:
+    """The autopilot turns the vector back by its attitude of PLND_LAG ago, not by the newest."""
+    sent: list = []
+    session = SimpleNamespace(
+        state=replace(STATE, roll_rad=-0.3, pitch_rad=0.3, heading_rad=0.0),
+        attitudes=[(0.9, 0.0, 0.0), (1.1, 2.0 * STATE.roll_rad, 2.0 * STATE.pitch_rad), (1.3, -0.3, 0.3)],
+        link=SimpleNamespace(send=sent.append),
+    )
+    level = GimbalAttitude(0.0, 0.0)
+    assert not tell(session, Observation(1.0, level, reason="no cue"), MOUNTING)
+    assert tell(session, Observation(1.0, level, bar_pose=pose()), MOUNTING)
+    told, wanted = sent[0], landing_target(pose(), STATE, MOUNTING, 0)
+    assert (told.x, told.y, told.z) == pytest.approx((wanted.x, wanted.y, wanted.z), abs=1e-9)

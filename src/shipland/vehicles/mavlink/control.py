@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from shipland.vehicles.mavlink.modes import mode_name, obeys_us
+from shipland.vehicles.mavlink.modes import lands_by_itself, mode_name, obeys_us
 from shipland.vehicles.mavlink.state import AutopilotState
 
 MOTORS_STOPPED = "the motors have stopped"
@@ -12,7 +12,8 @@ class Control:
     """The hand-over and the takeover; given every state by the receiving thread, asked at every set-point.
 
     Control begins with the guided mode: set by the operator after `begin`, or requested by us. From then on another
-    mode, a moved stick, stopped motors or a restart ends it, whatever mode comes later.
+    mode, a moved stick, stopped motors or a restart ends it, whatever mode comes later. The autopilot's own landing is
+    no other mode once we have asked for it.
 
     Args:
         stick_takeover_us: a stick moved by more takes over.
@@ -32,6 +33,8 @@ class Control:
         """It went to a pilot who moved the sticks, and whose mode does not obey them until that is changed."""
         self.released = False
         """We have released it and requested a mode in which the autopilot holds by itself."""
+        self.hands_over = False
+        """We have asked for the autopilot's own landing."""
 
     @property
     def asking(self) -> bool:
@@ -54,7 +57,7 @@ class Control:
         """Notice what a message has changed."""
         if self.lost or not self._begun:
             return
-        ours = obeys_us(after)
+        ours = obeys_us(after) or self.lands(after)
         if not self.granted:
             self._left_guided = self._left_guided or not ours
             self.granted = ours and self._left_guided
@@ -78,9 +81,13 @@ class Control:
         """Whether we may command now: given to us, not taken, and the mode obeys us."""
         return self.granted and not self.lost and obeys_us(state)
 
+    def lands(self, state: AutopilotState) -> bool:
+        """Whether the autopilot lands by itself because we have asked for it."""
+        return self.hands_over and lands_by_itself(state)
+
     def holder(self, state: AutopilotState) -> str:
         """Who flies, in words."""
-        if self.released:
+        if self.released or self.lands(state):
             return "the autopilot"
         if not obeys_us(state):
             return f"the pilot ({mode_name(state)})"

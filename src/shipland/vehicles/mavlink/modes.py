@@ -9,12 +9,14 @@ GUIDED, GUIDED_NOGPS = 4, 20
 BRAKE, LOITER, ALT_HOLD = 17, 5, 2
 """ArduPilot's that hold: BRAKE whatever the transmitter's sticks say, if there is one; the others obey them."""
 PX4_OFFBOARD, PX4_AUTO, PX4_POSITION, PX4_ALTITUDE = 6, 4, 3, 2
-PX4_HOLD = 3
-"""Sub-mode of AUTO."""
+PX4_HOLD, PX4_PRECISION_LAND = 3, 9
+"""Sub-modes of AUTO."""
+LAND = 9
+"""ArduPilot's own landing."""
 _NAMES = {
     ARDUPILOT: {
         0: "STABILIZE", 1: "ACRO", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 5: "LOITER", 6: "RTL", 7: "CIRCLE",
-        9: "LAND", 16: "POSHOLD", 17: "BRAKE", 20: "GUIDED_NOGPS", 21: "SMART_RTL",
+        LAND: "LAND", 16: "POSHOLD", 17: "BRAKE", 20: "GUIDED_NOGPS", 21: "SMART_RTL",
     },
     PX4: {1: "MANUAL", PX4_ALTITUDE: "ALTITUDE", PX4_POSITION: "POSITION", PX4_OFFBOARD: "OFFBOARD"},
 }  # fmt: skip
@@ -40,3 +42,14 @@ def obeys_us(state: AutopilotState) -> bool:
     if state.autopilot == PX4:
         return (state.mode >> 16) & 0xFF == PX4_OFFBOARD
     return state.mode in (GUIDED, GUIDED_NOGPS)
+
+
+def own_landing(state: AutopilotState) -> tuple[int, int]:
+    """Mode and sub-mode in which the autopilot lands on the landing target that it is told."""
+    return (PX4_AUTO, PX4_PRECISION_LAND) if state.autopilot == PX4 else (LAND, 0)
+
+
+def lands_by_itself(state: AutopilotState) -> bool:
+    """Whether the autopilot is in that mode."""
+    mode, sub_mode = own_landing(state)
+    return state.mode == (mode << 16 | sub_mode << 24 if state.autopilot == PX4 else mode)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from shipland.frames import Array, rotation_from_euler
 from shipland.messages import BarPose, Observation
+from shipland.vehicles.gimbal import gimbal_at
 from shipland.vehicles.mavlink.dialect import Message, dialect
+from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
 from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
 from shipland.vision.vision import Vision, see_or_degrade
@@ -113,13 +115,27 @@ def publish(
     while (frame := vehicle.look(2.0)) is not None:
         seen = see_or_degrade(vision, frame)
         on_frame(seen)
-        state = vehicle.session.state
-        if seen.bar_pose is None or not math.isfinite(state.heading_rad):
-            continue
-        # the autopilot's clock: what it has said of it, and the exposure's age since
-        exposed_us = int(1e6 * max(0.0, state.clock.boot_s - (time.monotonic() - frame.t_s)))
-        vehicle.session.link.send(landing_target(seen.bar_pose, state, mounting, exposed_us))
-        if with_position:
-            vehicle.session.link.send(position_estimate(seen.bar_pose, state, mounting, exposed_us))
-        sent += 1
+        sent += tell(vehicle.session, seen, mounting, with_position)
     return sent
+
+
+def tell(session: Session, seen: Observation, mounting: Mounting, with_position: bool = False) -> bool:
+    """Send what was seen of the pad, with the aircraft's attitude at the exposure; whether there was anything to send.
+
+    Args:
+        session: with the autopilot.
+        seen: of a frame.
+        mounting: see there.
+        with_position: whether the position estimate is sent as well.
+    """
+    state = session.state
+    if seen.bar_pose is None or not math.isfinite(state.heading_rad):
+        return False
+    body, _ = gimbal_at(seen.t_s, session.attitudes, (), 0.0)  # a camera fixed along the body has its attitude
+    exposed = replace(state, roll_rad=body.roll_rad, pitch_rad=body.pitch_rad)
+    # the autopilot's clock: what it has said of it, and the exposure's age since
+    exposed_us = int(1e6 * max(0.0, state.clock.boot_s - (time.monotonic() - seen.t_s)))
+    session.link.send(landing_target(seen.bar_pose, exposed, mounting, exposed_us))
+    if with_position:
+        session.link.send(position_estimate(seen.bar_pose, exposed, mounting, exposed_us))
+    return True

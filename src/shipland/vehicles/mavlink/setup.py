@@ -21,7 +21,7 @@ from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.state import AutopilotState
 from shipland.vehicles.touchdown import TouchdownParameters
 
-OPTIONS = ("camera", "latency_s", "mount_deg", "kind", "system", "key", "take", "takeoff")
+OPTIONS = ("camera", "latency_s", "mount_deg", "kind", "system", "key", "take", "takeoff", "own_landing")
 """What may stand after the ? of a mavlink:// address."""
 
 
@@ -32,10 +32,12 @@ class Engagement:
     Attributes:
         take: ask for the guided mode.
         take_off_m: arm and take off to this height; 0: somebody else does.
+        own_landing: ask for the autopilot's own once our pilot would land, for good.
     """
 
     take: bool = False
     take_off_m: float = 0.0
+    own_landing: bool = False
 
     @property
     def asks(self) -> bool:
@@ -109,7 +111,7 @@ class MavlinkSetup:
             latency_s=None if brings_gimbal else stream.latency_s,
             fixed_pitch_rad=None if pitch_deg is None else math.radians(pitch_deg),
             open_timeout_s=stream.open_timeout_s,
-            engagement=Engagement(address.flag("take"), take_off_m),
+            engagement=Engagement(address.flag("take"), take_off_m, address.flag("own_landing")),
             parameters=build(MavlinkParameters, section, "vehicles.mavlink"),
             touchdown=build(TouchdownParameters, table["touchdown"], "vehicles.touchdown"),
             preflight=build(PreflightParameters, table["preflight"], "vehicles.preflight"),

@@ -11,14 +11,14 @@ import time
 from shipland.camera import Camera
 from shipland.errors import VehicleError
 from shipland.guidance.response import Response
-from shipland.messages import GimbalAttitude, Intent, Telemetry
+from shipland.messages import GimbalAttitude, Intent, PilotCommand, Telemetry
 from shipland.stopping import uninterrupted
 from shipland.vehicles.address import VehicleSetup
 from shipland.vehicles.checks import Check
 from shipland.vehicles.gimbal import gimbal_at
 from shipland.vehicles.mavlink.control import MOTORS_STOPPED, Control
 from shipland.vehicles.mavlink.dialect import dialect
-from shipland.vehicles.mavlink.modes import GUIDED_NOGPS, obeys_us
+from shipland.vehicles.mavlink.modes import GUIDED_NOGPS, obeys_us, own_landing
 from shipland.vehicles.mavlink.motors import MotorStop
 from shipland.vehicles.mavlink.parameters import (
     ARDUPILOT_NAMES,
@@ -42,7 +42,7 @@ from shipland.vehicles.wanted import HOLD, Wanted, pressed, wanted_of
 _HEIGHT_S = 1.0
 """A take-off of ours does not climb on a height older than this."""
 _HAND_OVER_S = 0.5
-"""From one request to the next for a mode that obeys the pilot's sticks."""
+"""From one request for a mode to the next."""
 
 
 class MavlinkVehicle(SetpointVehicle):
@@ -76,6 +76,11 @@ class MavlinkVehicle(SetpointVehicle):
     def in_command(self) -> str:
         """Who flies: `shipland`, `the pilot (MODE)`, `the autopilot` after the end, or `nobody: WHY`."""
         return "nobody: not connected" if self._session is None else self._control.holder(self._session.state)
+
+    @property
+    def tells_pad(self) -> bool:
+        """Whether the autopilot is to land by itself, on the landing target that it is told."""
+        return self._setup.engagement.own_landing
 
     def response(self) -> Response:
         """What full sticks mean here; known once connected."""
@@ -202,7 +207,8 @@ class MavlinkVehicle(SetpointVehicle):
 
     def _landing(self) -> bool:
         with self._lock:
-            return self._command is not None and self._command[0].intent is Intent.LAND
+            wanted = self._command is not None and self._command[0].intent is Intent.LAND
+        return wanted or self._control.hands_over
 
     def _tick(self, step_s: float) -> None:
         session, control, now_s = self.session, self._control, time.monotonic()
@@ -220,6 +226,8 @@ class MavlinkVehicle(SetpointVehicle):
         if control.by_sticks and obeys_us(state) and now_s - self._handed_s > _HAND_OVER_S:
             session.hand_over(self._hand_overs)
             self._handed_s, self._hand_overs = now_s, self._hand_overs + 1
+        if control.lands(state):
+            self._aim(self._newest(now_s), now_s)
         if not self._may_command(state):
             return
         if not self._engaged:
@@ -232,8 +240,9 @@ class MavlinkVehicle(SetpointVehicle):
         if not self._end_reason and self._motors.look(newest, state, now_s) is not GroundContact.NONE:
             wanted = pressed(self.response(), state.velocity_in_level_mps, self._press_mps)
         self._set_point(wanted, state, step_s, boot_ms)
-        if newest is not None and self._turns_camera(newest.gimbal_pitch_rad, now_s):
-            self._turn_camera(newest.gimbal_pitch_rad)
+        self._aim(newest, now_s)
+        if newest is not None and newest.intent is Intent.LAND and self._setup.engagement.own_landing:
+            self._let_it_land(state, now_s)
 
     def _may_command(self, state: AutopilotState) -> bool:
         """Whether set-points may leave: control is ours now.
@@ -254,6 +263,17 @@ class MavlinkVehicle(SetpointVehicle):
             session.link.send(velocity_message(wanted, session.target, boot_ms))
         else:
             session.link.send(self._tilts.message(wanted, state.heading_rad, step_s, boot_ms))
+
+    def _let_it_land(self, state: AutopilotState, now_s: float) -> None:
+        """Ask for the autopilot's own landing; until it is given, the pilot's goes on."""
+        self._control.hands_over = True
+        if now_s - self._handed_s > _HAND_OVER_S:
+            self.session.command(dialect.MAV_CMD_DO_SET_MODE, 1, *own_landing(state))
+            self._handed_s = now_s
+
+    def _aim(self, command: PilotCommand | None, now_s: float) -> None:
+        if command is not None and self._turns_camera(command.gimbal_pitch_rad, now_s):
+            self._turn_camera(command.gimbal_pitch_rad)
 
     def _turn_camera(self, pitch_rad: float) -> None:
         target, nan = self.session.target, math.nan
