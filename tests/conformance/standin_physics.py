@@ -1,5 +1,7 @@
 """The stand-in autopilot flying somebody's physics over ArduPilot's JSON interface: attitude, height and motor mixing.
 
+In LAND it descends over the landing target that it is told, and disarms once it stands.
+
 python standin_physics.py MAVLINK_PORT PHYSICS_PORT
 """
 
@@ -17,6 +19,8 @@ from standin import GUIDED, Autopilot
 
 STEPS_A_TURN = 10
 HOVER = 1.0 / 2.2
+LAND = 9
+STANDS_S = 0.7
 
 
 def pulse(share: float) -> int:
@@ -35,7 +39,13 @@ class FlyingAutopilot(Autopilot):
         self.gimbal_us = 1500
         self.rates = (0.0, 0.0, 0.0)
         self.height_ref, self.heading_ref = 0.0, None
-        self.time_s = 0.0
+        self.time_s = self.still_s = 0.0
+        self.pad = (0.0, 0.0)
+
+    def on_landing_target(self, it) -> None:  # type: ignore[no-untyped-def]
+        """The pad ahead and aside in the heading's level; a roll counts for little this near."""
+        assert it.frame == 12
+        self.pad = (math.cos(self.pitch) * it.x + math.sin(self.pitch) * it.z, it.y - math.tan(self.roll) * it.z)
 
     def on_gimbal_manager_set_pitchyaw(self, it) -> None:  # type: ignore[no-untyped-def]
         self.gimbal_us = round(1500.0 + 500.0 * min(max(it.pitch / (0.5 * math.pi), -1.0), 1.0))
@@ -49,6 +59,8 @@ class FlyingAutopilot(Autopilot):
         kind, values = self.target
         if self.mode != GUIDED or (kind != "up" and time.monotonic() - self.target_s > 3.0):
             kind, values = "hold", []
+        if self.mode == LAND:
+            kind, values = "speed", [0.6 * self.pad[0], 0.6 * self.pad[1], -0.4, 0.0]
         if kind == "tilt":
             turn = 3.0 * ((values[2] - self.yaw + math.pi) % (2.0 * math.pi) - math.pi)
             return values[0], values[1], values[3], turn
@@ -98,6 +110,9 @@ class FlyingAutopilot(Autopilot):
         self.yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
         north, east, down = state["velocity"]
         self.velocity, self.up = [north, east, -down], -state["position"][2]
+        self.still_s = self.still_s + 0.001 if self.mode == LAND and abs(down) < 0.1 else 0.0
+        if self.still_s > STANDS_S:
+            self.armed = False
 
     def arm(self, wanted: float, magic: float) -> int:
         if wanted == 0.0 and self.armed and magic != 21196:

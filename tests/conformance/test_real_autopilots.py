@@ -22,6 +22,15 @@ def land(folder: Path, *options: str) -> None:
     assert landed, done.stdout + done.stderr
 
 
+@pytest.mark.slow
+def test_an_autopilot_lands_by_itself_on_the_pad_that_it_is_told(tmp_path: Path) -> None:
+    """The small one of these tests in place of a real one: who flies when, and what it is told."""
+    land(tmp_path, "--autopilot", "stand-in", "--own-landing", "--boot-s", "3", "--set", "wind.mean_mps=0")
+    row = json.loads((tmp_path / "rig-natops.json").read_text())[0]
+    assert row["own_landing_s"] > 1.0
+    assert row["rest"].startswith("motors at rest")
+
+
 @pytest.mark.skipif(
     not os.environ.get("SHIPLAND_ARDUCOPTER"), reason="SHIPLAND_ARDUCOPTER names no ArduCopter binary for its simulator"
 )

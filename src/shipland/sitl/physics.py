@@ -75,6 +75,8 @@ class LaunchHold:
         self._held_s, self._stopped_s = 0.0, 0.0
         self.released = False
         """Whether it flies."""
+        self.motors_rest_s = math.nan
+        """The world's time when its motors were stopped for good."""
 
     @property
     def t_s(self) -> float:
@@ -102,8 +104,9 @@ class LaunchHold:
             self._before = after
             stopped = max(motors_us[:4]) <= _STOPPED_US
             self._stopped_s = self._stopped_s + STEP_S if stopped else 0.0
-            if self._stopped_s > _STOPPED_S:
+            if self._stopped_s > _STOPPED_S and self.world.motors_run:
                 self.world.stop_motors()
+                self.motors_rest_s = self.world.t_s
         at = self._before
         (north, east, down), (north0, east0, down0) = at.position_m, self._home_m
         from_home = at._replace(position_m=(north - north0, east - east0, down - down0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -67,7 +68,10 @@ def serve(
         say(f"waiting for a flight controller on {link.address}")
         link.fly(flight)
         say(flight.pace)
-        return held.world.verdict()
+        verdict = held.world.verdict()
+        if verdict is not None and verdict.touched and math.isfinite(held.motors_rest_s):
+            say(f"motors at rest {held.motors_rest_s - verdict.t_s:.2f} s after the touch")
+        return verdict
 
 
 def _link_of(options: PhysicsOptions, seed: int) -> JsonLink | Px4Link:
