@@ -59,16 +59,21 @@ def test_covariances_are_finite_whatever_the_pose_says() -> None:
     assert np.array([message.x, message.y, message.z]) == pytest.approx(ned_from_bar @ PLACE_M, abs=1e-6)
 
 
-def test_the_pad_is_told_with_the_attitude_of_the_exposure() -> None:
-    """The autopilot turns the vector back by its attitude of PLND_LAG ago, not by the newest."""
+@pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
+def test_the_pad_is_told_from_where_the_aircraft_was_at_the_exposure(autopilot: int) -> None:
+    """ArduPilot turns the vector back by its attitude of PLND_LAG ago; PX4 takes the place as it is."""
     sent: list = []
+    then = replace(STATE, autopilot=autopilot)
+    place = {"north_m": STATE.north_m + 0.4, "east_m": STATE.east_m - 0.2, "down_m": STATE.down_m + 0.1}
     session = SimpleNamespace(
-        state=replace(STATE, roll_rad=-0.3, pitch_rad=0.3, heading_rad=0.0),
+        state=replace(
+            then, roll_rad=-0.3, pitch_rad=0.3, velocity_t_s=1.2, velocity_in_ned_mps=(2.0, -1.0, 0.5), **place
+        ),
         attitudes=[(0.9, 0.0, 0.0), (1.1, 2.0 * STATE.roll_rad, 2.0 * STATE.pitch_rad), (1.3, -0.3, 0.3)],
         link=SimpleNamespace(send=sent.append),
     )
     level = GimbalAttitude(0.0, 0.0)
     assert not tell(session, Observation(1.0, level, reason="no cue"), MOUNTING)
     assert tell(session, Observation(1.0, level, bar_pose=pose()), MOUNTING)
-    told, wanted = sent[0], landing_target(pose(), STATE, MOUNTING, 0)
+    told, wanted = sent[0], landing_target(pose(), then, MOUNTING, 0)
     assert (told.x, told.y, told.z) == pytest.approx((wanted.x, wanted.y, wanted.z), abs=1e-9)

@@ -119,8 +119,22 @@ def publish(
     return sent
 
 
+def _at_exposure(session: Session, state: AutopilotState, t_s: float) -> AutopilotState:
+    """The state with attitude and place of another time; the heading stays, for it turns slowly."""
+    body, _ = gimbal_at(t_s, session.attitudes, (), 0.0)  # a camera fixed along the body has its attitude
+    since_s, (north, east, down) = t_s - state.velocity_t_s, state.velocity_in_ned_mps
+    return replace(
+        state,
+        roll_rad=body.roll_rad,
+        pitch_rad=body.pitch_rad,
+        north_m=state.north_m + since_s * north,
+        east_m=state.east_m + since_s * east,
+        down_m=state.down_m + since_s * down,
+    )
+
+
 def tell(session: Session, seen: Observation, mounting: Mounting, with_position: bool = False) -> bool:
-    """Send what was seen of the pad, with the aircraft's attitude at the exposure; whether there was anything to send.
+    """Send what was seen of the pad, from where the aircraft was at the exposure; whether there was anything to send.
 
     Args:
         session: with the autopilot.
@@ -131,8 +145,7 @@ def tell(session: Session, seen: Observation, mounting: Mounting, with_position:
     state = session.state
     if seen.bar_pose is None or not math.isfinite(state.heading_rad):
         return False
-    body, _ = gimbal_at(seen.t_s, session.attitudes, (), 0.0)  # a camera fixed along the body has its attitude
-    exposed = replace(state, roll_rad=body.roll_rad, pitch_rad=body.pitch_rad)
+    exposed = _at_exposure(session, state, seen.t_s)
     # the autopilot's clock: what it has said of it, and the exposure's age since
     exposed_us = int(1e6 * max(0.0, state.clock.boot_s - (time.monotonic() - seen.t_s)))
     session.link.send(landing_target(seen.bar_pose, exposed, mounting, exposed_us))
