@@ -146,7 +146,8 @@ def test_a_packet_sent_again_gets_its_answer_again_and_no_step() -> None:
                 answer(count, 1000.0)
     served.join(5.0)
     assert not served.is_alive()
-    assert "s of flight took" in said[-1]
+    assert "s of flight took" in said[-2]
+    assert said[-1].startswith("motors at rest -")  # they stopped in the air
 
 
 def test_the_tempo_of_a_world_that_falls_behind() -> None:
