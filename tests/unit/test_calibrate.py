@@ -43,10 +43,11 @@ FINE = 2
 
 @cache
 def camera_rays():
-    """(n,3) of every pixel of CAMERA, four to a pixel."""
-    rows, columns = np.mgrid[0 : 480 * FINE, 0 : 640 * FINE]
-    pixels = (np.column_stack([columns.ravel(), rows.ravel()]) + 0.5) / FINE - 0.5
-    return np.column_stack([(CAMERA.undistort(pixels) - MATRIX[:2, 2]) / [520.0, 515.0], np.ones(len(pixels))])
+    """(n,3) of every pixel of CAMERA, four to a pixel, interpolated between the pixels' own."""
+    rows, columns = np.mgrid[0:480, 0:640]
+    plane = (CAMERA.undistort(np.column_stack([columns.ravel(), rows.ravel()])) - MATRIX[:2, 2]) / [520.0, 515.0]
+    fine = cv2.resize(plane.reshape(480, 640, 2), None, fx=FINE, fy=FINE).reshape(-1, 2)
+    return np.column_stack([fine, np.ones(len(fine))])
 
 
 def photograph(texture, turn, shift_m=(0.0, 0.0), bent_px=0.0):
