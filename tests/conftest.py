@@ -115,19 +115,18 @@ def compiled_once(tmp_path_factory):
 
     The others wait for their machine code.
     """
-    if cache_folder(Path(shipland.__file__).parent) is None or "PYTEST_XDIST_WORKER" not in os.environ:
+    folder = cache_folder(Path(shipland.__file__).parent)
+    if folder is None or "PYTEST_XDIST_WORKER" not in os.environ:
         return
-    folder = tmp_path_factory.getbasetemp().parent
     for wait in (fcntl.LOCK_NB, 0):
-        for compiles in (_fly, _see):
-            with (folder / f"compiling{compiles.__name__}").open("a") as done:
+        for module, compiles in (("kernels", _fly), ("edges", _see)):
+            with (tmp_path_factory.getbasetemp().parent / f"compiling-{module}").open("w") as lock:
                 try:
-                    fcntl.flock(done, fcntl.LOCK_EX | wait)
+                    fcntl.flock(lock, fcntl.LOCK_EX | wait)
                 except BlockingIOError:
                     continue
-                if not os.fstat(done.fileno()).st_size:
+                if not any(folder.rglob(f"{module}.*.nbi")):
                     compiles()
-                    done.write("done")
 
 
 @pytest.fixture(scope="session")
