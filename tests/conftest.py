@@ -1,6 +1,7 @@
 """Shared by every test: one thread a process, hypothesis' profile, the packaged rig and camera, a seeded generator."""
 
 import fcntl
+import gc
 import itertools
 import logging
 import os
@@ -17,6 +18,7 @@ import pytest
 import shipland
 from shipland.camera import Camera, CameraParameters
 from shipland.compiled import cache_folder
+from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig
 
 # No deadline: the cores are shared. In CI the examples are fixed, so that a red run can be repeated.
@@ -77,19 +79,54 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: (REAL_TIME not in item.path.parents, SPREAD not in item.path.parents))
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """What collecting makes lives to the end: no collection of garbage looks at it."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+        gc.freeze()
+
+
+def _fly():
+    from shipland.scenario.fly import fly_quietly
+    from shipland.scenario.scenario import load_scenario
+
+    fly_quietly(load_scenario("rig-natops", time_limit_s=1.0), "horizon", "geometric", 3)
+
+
+def _see():
+    from pictures import Look, bar_picture, camera_from_bar
+    from shipland.vision.near.parameters import VisionParameters
+    from shipland.vision.near.pipeline import NearVision
+
+    cue, camera, rng = Rig().cue, Camera.from_fov(640, 360, 69.0), np.random.default_rng(1)
+    vision = NearVision(cue, camera, VisionParameters())
+    for t_s in (0.0, 0.1):
+        image = bar_picture(cue, camera, camera_from_bar((-3.0, 0.3, 0.1), -0.1), rng, Look(0.4, 1.0))
+        vision.see(Frame(t_s, image, GimbalAttitude(0.0, 0.0)))
+
+
 @pytest.fixture(scope="session", autouse=True)
 def compiled_once(tmp_path_factory):
-    """Of the workers beside each other, one compiles what a flight calls; the others wait for its machine code."""
+    """Of the workers beside each other, one compiles what a flight calls and one what near vision calls.
+
+    The others wait for their machine code.
+    """
     folder = cache_folder(Path(shipland.__file__).parent)
     if folder is None or "PYTEST_XDIST_WORKER" not in os.environ:
         return
-    with (tmp_path_factory.getbasetemp().parent / "compiling").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not any(folder.rglob("*.nbi")):
-            from shipland.scenario.fly import fly_quietly
-            from shipland.scenario.scenario import load_scenario
-
-            fly_quietly(load_scenario("rig-natops", time_limit_s=1.0), "horizon", "geometric", 3)
+    for wait in (fcntl.LOCK_NB, 0):
+        for module, compiles in (("kernels", _fly), ("edges", _see)):
+            with (tmp_path_factory.getbasetemp().parent / f"compiling-{module}").open("w") as lock:
+                try:
+                    fcntl.flock(lock, fcntl.LOCK_EX | wait)
+                except BlockingIOError:
+                    continue
+                if not any(folder.rglob(f"{module}.*.nbi")):
+                    compiles()
 
 
 @pytest.fixture(scope="session")

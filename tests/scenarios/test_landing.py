@@ -73,34 +73,38 @@ def test_the_same_seed_draws_the_same_log(tmp_path, monkeypatch):
     assert len(read_log(tmp_path / "one/flight.mcap").records) > 5
 
 
-@pytest.mark.parametrize("distance_m", [3.0, 8.0])
-def test_geometric_camera_errs_as_the_rendered_one(distance_m):
-    """Both look at the same moments of a hover: both find the bar, with errors of like size."""
-    scenario = near(start={"distance_m": distance_m, "distance_half_range_m": 0.5, "heading_error_half_range_deg": 3.0})
-    errors = {"rendered": [], "geometric": []}
+def test_geometric_camera_errs_as_the_rendered_one():
+    """Both look at the same moments of hovers: both find the bar, with errors of like size."""
+    hovers = [
+        near(start={"distance_m": distance_m, "distance_half_range_m": 0.5, "heading_error_half_range_deg": 3.0})
+        for distance_m in (3.0, 8.0)
+    ]
+    errors = {(scenario, name): [] for scenario in range(2) for name in ("rendered", "geometric")}
     for seed in (1, 2):
-        scene = build_scene(scenario, seed)
-        vehicle = build_vehicle(scenario, seed, scene)
-        target, camera = scenario.rig.cue, vehicle.camera
-        rng = np.random.default_rng(seed)
-        eyes = {
-            "rendered": NearVision(target, camera, scenario.vision),
-            "geometric": GeometricVision(vehicle, target, camera, scenario.geometric, scenario.vision, rng),
-        }
-        vehicle.open()
-        try:
-            for _ in range(6):
-                frame, telemetry = vehicle.read()
-                truth = vehicle.truth_at(frame.t_s)
-                camera_in_bar_m = truth.ned_from_bar.inverse().apply(truth.ned_from_camera.translation_m)
-                for name, each in eyes.items():
-                    pose = each.see(frame).bar_pose
-                    assert pose is not None, (name, seed)
-                    errors[name].append(pose.position_in_bar_m - camera_in_bar_m)
-                vehicle.send(PilotCommand.hold(telemetry.t_s + 0.2, 0.0))
-        finally:
-            vehicle.close()
-            scene.close()
-    rendered, geometric = (np.sqrt(np.mean(np.square(errors[name]))) for name in ("rendered", "geometric"))
-    # At 3 m the rendered camera's error is a bias of 5 mm in range, left over from the edges' growth: not modelled.
-    assert 0.4 < geometric / rendered < 2.0, (rendered, geometric)
+        scene = build_scene(hovers[0], seed)  # its sea and light do not depend on the start
+        for number, scenario in enumerate(hovers):
+            vehicle = build_vehicle(scenario, seed, scene)
+            target, camera = scenario.rig.cue, vehicle.camera
+            rng = np.random.default_rng(seed)
+            eyes = {
+                "rendered": NearVision(target, camera, scenario.vision),
+                "geometric": GeometricVision(vehicle, target, camera, scenario.geometric, scenario.vision, rng),
+            }
+            vehicle.open()
+            try:
+                for _ in range(6):
+                    frame, telemetry = vehicle.read()
+                    truth = vehicle.truth_at(frame.t_s)
+                    camera_in_bar_m = truth.ned_from_bar.inverse().apply(truth.ned_from_camera.translation_m)
+                    for name, each in eyes.items():
+                        pose = each.see(frame).bar_pose
+                        assert pose is not None, (name, number, seed)
+                        errors[number, name].append(pose.position_in_bar_m - camera_in_bar_m)
+                    vehicle.send(PilotCommand.hold(telemetry.t_s + 0.2, 0.0))
+            finally:
+                vehicle.close()
+        scene.close()
+    for number in range(2):
+        rendered, geometric = (np.sqrt(np.mean(np.square(errors[number, name]))) for name in ("rendered", "geometric"))
+        # At 3 m the rendered camera's error is a bias of 5 mm in range, left over from the edges' growth: not modelled.
+        assert 0.4 < geometric / rendered < 2.0, (number, rendered, geometric)

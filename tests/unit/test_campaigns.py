@@ -194,6 +194,7 @@ shipland.campaign("near", pilot=own, out="out", **options)
 """
 
 
+@pytest.mark.slow
 def test_a_script_without_a_guard_flies_its_own_pilot_in_two_processes(tmp_path):
     (tmp_path / "script.py").write_text(SCRIPT.replace("OUT", "'out'") + CHANGED)
     command = [sys.executable, "script.py"]

@@ -222,6 +222,7 @@ _ON_ITS_TERMINAL = (
 )
 
 
+@pytest.mark.slow
 def test_a_connection_that_is_lost_ends_the_flight_in_order(tmp_path):
     master, slave = os.openpty()
     words = [sys.executable, "-c", _ON_ITS_TERMINAL, "fly", "--vision", "geometric", "--no-video", "--out", tmp_path]

@@ -59,6 +59,7 @@ def test_a_submodule_is_of_its_extra():
     assert extra_of("numpy") is None
 
 
+@pytest.mark.slow
 def test_the_base_flies_films_and_says_what_is_missing(tmp_path):
     words = ("fly", "--set", "time_limit_s=0.4", "--vision", "geometric", "--out", "out")
     done = without(["matplotlib", "av", "openvino"], words, cwd=tmp_path)
@@ -70,6 +71,7 @@ def test_the_base_flies_films_and_says_what_is_missing(tmp_path):
     assert (tmp_path / "out" / "flight.mp4").stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_what_cannot_be_done_is_one_line(tmp_path):
     (tmp_path / "film.mp4").write_bytes(b"")
     said = {

@@ -78,6 +78,7 @@ def test_over_a_moving_deck_it_differs_by_micrometres(monkeypatch, rig):
     np.testing.assert_allclose(free, slow, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_without_the_compiler_it_is_the_same_flight():
     """In two processes: compiled, and as Python reads it; with contacts, for the last loop comes down on the deck."""
     flights = [

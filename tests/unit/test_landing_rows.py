@@ -42,14 +42,14 @@ def landing(found, scenario=SCENARIO, seed=1):
     return landing_of(scenario, seed, Flown(result, found), [])
 
 
-def sway_m(scenario, t_s):
-    return float(drawn_ship(scenario, 1).at(t_s).deck.displacement[1])
-
-
 def instant(scenario, wanted_m):
     """When the deck is swayed by that much."""
-    times_s = np.linspace(0.0, 10.0, 2001)
-    return float(min(times_s, key=lambda t_s: abs(sway_m(scenario, float(t_s)) - wanted_m)))
+    ship = drawn_ship(scenario, 1)
+
+    def off_m(t_s):
+        return abs(float(ship.at(t_s).deck.displacement[1]) - wanted_m)
+
+    return min(np.linspace(0.0, 10.0, 2001).tolist(), key=off_m)
 
 
 @pytest.mark.parametrize(

@@ -58,11 +58,12 @@ def test_places_are_the_same_for_the_same_seed_and_hold_their_target(kind):
 
 def test_a_near_pose_in_its_window_is_that_of_the_whole_picture():
     place = next(place for place in places("near", 8, SEED) if place.range_m < 8.0)
-    found, _ = _look_near(place, drawn(place), RENDERERS[1], SETTING)
+    picture = drawn(place)
+    found, _ = _look_near(place, picture, RENDERERS[1], SETTING)
     assert found.found
     assert abs(found.distance_error) < 0.02
     assert abs(found.yaw_error_deg) < 3.0
-    dark, _ = _look_near(place, np.zeros_like(drawn(place)), RENDERERS[1], SETTING)
+    dark, _ = _look_near(place, np.zeros_like(picture), RENDERERS[1], SETTING)
     assert not dark.found
     assert dark.reason
 
@@ -70,9 +71,9 @@ def test_a_near_pose_in_its_window_is_that_of_the_whole_picture():
 def test_a_far_target_is_found_where_it_is_and_not_in_the_dark():
     place = next(place for place in places("ship", 16, SEED) if place.range_m < 120.0 and place.box is not None)
     detector, confidence = Detector.load("ship", detector_parameters()), 0.5
-    seen = _camera(place, drawn(place), _synth())
-    assert _look_far(place, seen, RENDERERS[1], detector, confidence).found
-    flat = np.full_like(drawn(place), round(65535 / FULL_SCALE / 4))
+    picture = drawn(place)
+    assert _look_far(place, _camera(place, picture, _synth()), RENDERERS[1], detector, confidence).found
+    flat = np.full_like(picture, round(65535 / FULL_SCALE / 4))
     assert not _look_far(place, _camera(place, flat, _synth()), RENDERERS[0], detector, confidence).found
 
 

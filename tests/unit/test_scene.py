@@ -22,7 +22,7 @@ from shipland.sim.scene.motion import homographies
 from shipland.sim.scene.parameters import SceneParameters, Tone
 from shipland.sim.scene.scene import Scene
 from shipland.sim.scene.sea import WaveTiles, cox_munk_variance
-from shipland.sim.scene.tone import FULL_SCALE, Light16, develop
+from shipland.sim.scene.tone import FULL_SCALE, Image, Light16, develop
 from shipland.sim.scene.view import Crop
 from shipland.sim.state import SceneState
 
@@ -286,6 +286,11 @@ def test_motion_of_the_sea_is_its_planes() -> None:
     assert moved[:2] / moved[2] == pytest.approx(after, abs=1e-6)
 
 
+@pytest.fixture(scope="module")
+def clear(scene: Scene) -> Image:
+    return develop(scene.light(look((-8.0, 0.0, -0.4), t_s=4.0), CAMERA), PARAMETERS.tone)
+
+
 @pytest.mark.parametrize(
     ("change", "least"),
     [
@@ -300,13 +305,13 @@ def test_motion_of_the_sea_is_its_planes() -> None:
     ids=lambda value: "-".join(value) if isinstance(value, dict) else "",
 )
 def test_each_weather_changes_the_picture_and_not_the_bars_place(
-    scene: Scene, change: dict[str, float], least: float
+    clear: Image, change: dict[str, float], least: float
 ) -> None:
     state = look((-8.0, 0.0, -0.4), t_s=4.0)
     other = scene_with(**change)
-    plain, weather, light = scene.render(state, CAMERA), other.render(state, CAMERA), other.light(state, CAMERA)
+    light = other.light(state, CAMERA)
     other.close()
-    assert np.abs(plain.astype(float) - weather).mean() > least
+    assert np.abs(clear.astype(float) - develop(light, PARAMETERS.tone)).mean() > least
     # Rain and drops may hide some of an edge; the median edge stays.
     assert abs(np.median(edge_errors_px(light, state, CAMERA))) < 0.1
 
