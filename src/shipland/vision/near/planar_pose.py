@@ -287,50 +287,48 @@ def problem_of(corners: Corners, camera: Camera, prior: LevelPrior | None) -> Pr
     """Of measured corners and the gimbal's vertical."""
     plane_m, size = corners.plane_m, corners.plane_m.size
     common_px = np.zeros((0, size)) if corners.common_px is None else corners.common_px.reshape(-1, size)
-    return _pose_problem(
-        np.ascontiguousarray(plane_m).reshape(-1, 2),
-        np.ascontiguousarray(corners.undistorted_px).reshape(-1, 2),
-        np.ascontiguousarray(corners.whiten),
-        np.ascontiguousarray(common_px),
-        np.ascontiguousarray(camera.matrix),
-        np.zeros(3) if prior is None else prior.down_in_camera,
-        math.inf if prior is None else prior.noise_rad,
+    count, kinds = plane_m.size // 2, len(common_px)
+    problem = Problem(
+        plane=np.ascontiguousarray(plane_m).reshape(-1, 2),
+        rays=np.empty((count, 2)),
+        whiten=np.empty(corners.whiten.shape),
+        common=np.empty((kinds, size)),
+        share=np.empty((kinds, size)),
+        amplitude=np.empty((kinds, kinds)),
+        common_px=np.ascontiguousarray(common_px),
+        to_pixels=np.ascontiguousarray(camera.matrix[:2, :2]),
+        across=np.zeros((2, 3)),
     )
-
-
-@compiled
-def _pose_problem(
-    plane: Array, pixels: Array, whiten: Array, common_px: Array, matrix: Array, down_in_camera: Array, noise_rad: float
-) -> Problem:
-    count, wide, kinds = len(plane), whiten.shape[1], len(common_px)
-    rays, to_pixels, by_rays = np.empty((count, 2)), np.empty((2, 2)), np.empty(whiten.shape)
-    for i in range(2):
-        for j in range(2):
-            to_pixels[i, j] = matrix[i, j]
-    for point in range(count):
-        rays[point, 1] = (pixels[point, 1] - matrix[1, 2]) / matrix[1, 1]
-        rays[point, 0] = (pixels[point, 0] - matrix[0, 2] - matrix[0, 1] * rays[point, 1]) / matrix[0, 0]
-    for block in range(len(whiten)):
-        for row in range(wide):
-            for column in range(wide):
-                first, axis = column - column % 2, column % 2
-                of_column = whiten[block, row, first] * to_pixels[0, axis]
-                by_rays[block, row, column] = of_column + whiten[block, row, first + 1] * to_pixels[1, axis]
-    common, share, amplitude = np.empty((kinds, 2 * count)), np.empty((kinds, 2 * count)), np.empty((kinds, kinds))
-    _whiten_common(whiten, common_px, common, share, amplitude)
-    across = np.zeros((2, 3))
-    if noise_rad < math.inf:
-        x, y, z = down_in_camera[0], down_in_camera[1], down_in_camera[2]
+    whiten = np.ascontiguousarray(corners.whiten)
+    pixels = np.ascontiguousarray(corners.undistorted_px).reshape(-1, 2)
+    _whiten_rays(pixels, whiten, camera.matrix[0, 2], camera.matrix[1, 2], problem)
+    _whiten_common(whiten, problem.common_px, problem.common, problem.share, problem.amplitude)
+    if prior is not None:
         # Frisvad's frame, about the axis that the direction is farthest against.
+        x, y, z = prior.down_in_camera.tolist()
         sign = 1.0 if z >= 0.0 else -1.0
         a = -1.0 / (sign + z)
         b = x * y * a
-        across[0, 0], across[0, 1], across[0, 2] = 1.0 + sign * x * x * a, sign * b, -sign * x
-        across[1, 0], across[1, 1], across[1, 2] = b, sign + y * y * a, -y
-        for row in range(2):
-            for axis in range(3):
-                across[row, axis] /= noise_rad
-    return Problem(plane, rays, by_rays, common, share, amplitude, common_px, to_pixels, across)
+        problem.across[0] = 1.0 + sign * x * x * a, sign * b, -sign * x
+        problem.across[1] = b, sign + y * y * a, -y
+        problem.across[:] /= prior.noise_rad
+    return problem
+
+
+@compiled
+def _whiten_rays(pixels: Array, whiten: Array, centre_u: float, centre_v: float, problem: Problem) -> None:
+    """Write `rays` and `whiten` of a problem, from pixels (n,2) and what whitens these (k,w,w)."""
+    wide, to_pixels, by_rays = whiten.shape[1], problem.to_pixels, problem.whiten
+    for point in range(len(pixels)):
+        v = (pixels[point, 1] - centre_v) / to_pixels[1, 1]
+        problem.rays[point, 0] = (pixels[point, 0] - centre_u - to_pixels[0, 1] * v) / to_pixels[0, 0]
+        problem.rays[point, 1] = v
+    for block in range(len(whiten)):
+        for row in range(wide):
+            for first in range(0, wide, 2):
+                of_column, of_row = whiten[block, row, first], whiten[block, row, first + 1]
+                by_rays[block, row, first] = of_column * to_pixels[0, 0] + of_row * to_pixels[1, 0]
+                by_rays[block, row, first + 1] = of_column * to_pixels[0, 1] + of_row * to_pixels[1, 1]
 
 
 @compiled
