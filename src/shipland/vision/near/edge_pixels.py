@@ -224,9 +224,11 @@ def _write_direction(inside: Array, outside: Array, clear: Array, direction: Arr
     for colour in range(len(inside)):
         direction[colour] = (inside[colour] - outside[colour]) * clear[colour]
         size2 += direction[colour] ** 2
+    if not size2 > _LEAST_CONTRAST**2:
+        return False
     for colour in range(len(inside)):
         direction[colour] /= size2
-    return size2 > _LEAST_CONTRAST**2
+    return True
 
 
 @compiled

@@ -373,7 +373,7 @@ def _mark_strays(
         for step in range(across):
             scaled[station, step] = (values[station, step] - outside) / span
     _crossings(scaled, out_px, crossing_px)
-    fewest, best = 1.0 + stations, 0
+    fewest, best = math.inf, 0
     for pair in range(len(_FIRST)):
         first, last = alike[_FIRST[pair]], alike[_LAST[pair]]
         strays = _mark_off_line(crossing_px, along, first, last, fits, counted, stray)
