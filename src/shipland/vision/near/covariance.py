@@ -85,7 +85,7 @@ def _carry_covariance(rotation: Array, translation_m: Array, covariance: Array, 
 
     R' = exp(w) R turns position −B Rᵀ t into −B Rᵀ (t + dt − w × t), and the optical axis into B Rᵀ (z − w × z).
     """
-    x, y, z = translation_m
+    x, y, z = translation_m[0], translation_m[1], translation_m[2]
     jacobian, half = np.zeros((4, 6)), np.zeros((4, 6))
     for i in range(3):
         a, b, c = rotation[0, (i + 2) % 3], rotation[1, (i + 2) % 3], rotation[2, (i + 2) % 3]
@@ -179,40 +179,76 @@ def _carry_over_tilts(
     carried: Array,
 ) -> bool:
     """Write `covariance_over_tilts`; False where the Jacobian is enough."""
-    in_plane = rotation[:, :2].copy()
-    variances, axes = np.linalg.eigh(in_plane.T @ covariance[:3, :3].copy() @ in_plane)
-    here, there, shifted_m = np.empty(4), np.empty(4), np.empty(3)
-    left, more, found = covariance.copy(), np.zeros((4, 4)), False
+    here, there, left, more = np.empty(4), np.empty(4), covariance.copy(), np.zeros((4, 4))
+    axis, turn, along, square, found = np.empty(3), np.empty(3), np.empty(6), np.empty((4, 4)), False
     _place(rotation, translation_m, here)
     for index in range(2):
-        axis, std_rad = in_plane @ np.ascontiguousarray(axes[:, index]), math.sqrt(excess * max(variances[index], 0.0))
+        std_rad = math.sqrt(excess * max(_in_plane_axis(rotation, covariance, index == 1, axis), 0.0))
         if not std_rad > _FLAT_RAD:
             continue
-        square, weight, beside = np.zeros((4, 4)), 1.0, 0
+        weight, beside = 1.0, 0
         for _ in range(_NARROWER):
-            square[:], weight, beside = 0.0, 1.0, 0
+            weight, beside = 1.0, 0
+            for i in range(4):
+                for j in range(4):
+                    square[i, j] = 0.0
             for sigmas in _FLAT_SIGMAS:
-                solved, turned, turned_chi2 = turned_pose(problem, rotation, std_rad * sigmas * axis, shifted_m)
+                for i in range(3):
+                    turn[i] = std_rad * sigmas * axis[i]
+                solved, turned, shifted_m, turned_chi2 = turned_pose(problem, rotation, turn)
                 if not solved:
                     continue
                 _place(turned, shifted_m, there)
-                there -= here
+                for i in range(4):
+                    there[i] -= here[i]
                 there[3] = (there[3] + math.pi) % math.tau - math.pi
                 share = likelihood(max(turned_chi2 - chi2, 0.0) / excess, tail)
-                square += share * np.outer(there, there)
+                _add_square(share, there, square)
                 weight, beside = weight + share, beside + 1
             if weight >= _LEAST_WEIGHT:
                 break
             std_rad *= 0.5
         if beside == 0:
             continue
-        found = True
-        along = left[:, :3].copy() @ axis
-        more += square / weight
-        left -= np.outer(along, along) / (along[:3] @ axis)
+        found, variance = True, 0.0
+        for i in range(6):
+            along[i] = left[i, 0] * axis[0] + left[i, 1] * axis[1] + left[i, 2] * axis[2]
+        for i in range(3):
+            variance += along[i] * axis[i]
+        for i in range(4):
+            for j in range(4):
+                more[i, j] += square[i, j] / weight
+        _add_square(-1.0 / variance, along, left)
     _carry_covariance(rotation, translation_m, left, carried)
-    carried[:] = excess * carried + more
+    for i in range(4):
+        for j in range(4):
+            carried[i, j] = excess * carried[i, j] + more[i, j]
     return found
+
+
+@compiled
+def _add_square(share: float, vector: Array, square: Array) -> None:
+    """Add the outer product of a vector (n,) with itself to (n,n), `share` times."""
+    for i in range(len(vector)):
+        for j in range(len(vector)):
+            square[i, j] += share * (vector[i] * vector[j])
+
+
+@compiled
+def _in_plane_axis(rotation: Array, covariance: Array, wider: bool, axis: Array) -> float:
+    """Write the axis (3,) in the cue's plane about which the angle is known less (`wider`) or best; its variance."""
+    across = down = both = 0.0
+    for i in range(3):
+        for j in range(3):
+            across += rotation[i, 0] * covariance[i, j] * rotation[j, 0]
+            down += rotation[i, 1] * covariance[i, j] * rotation[j, 1]
+            both += rotation[i, 0] * covariance[i, j] * rotation[j, 1]
+    mean, half = 0.5 * (across + down), 0.5 * (across - down)
+    apart, angle = math.sqrt(half * half + both * both), 0.5 * math.atan2(both, half)
+    cosine, sine = (math.cos(angle), math.sin(angle)) if wider else (-math.sin(angle), math.cos(angle))
+    for i in range(3):
+        axis[i] = cosine * rotation[i, 0] + sine * rotation[i, 1]
+    return mean + apart if wider else mean - apart
 
 
 @compiled
@@ -249,9 +285,14 @@ def _write_bend(rotation: Array, translation_m: Array, covariance: Array, here: 
     std_rad = math.sqrt(max(variance, 0.0))
     if not std_rad > _BENT_RAD:
         return
-    step, end = along / std_rad, np.empty(4)
-    bend[:] = -here
+    turn, shifted_m, end = np.empty(3), np.empty(3), np.empty(4)
+    for i in range(4):
+        bend[i] = -here[i]
     for sign in (-1.0, 1.0):
-        _place(exp_rotation(sign * step[:3], rotation), translation_m + sign * step[3:], end)
-        bend += 0.5 * end
+        for i in range(3):
+            turn[i] = sign * (along[i] / std_rad)
+            shifted_m[i] = translation_m[i] + sign * (along[3 + i] / std_rad)
+        _place(exp_rotation(turn, rotation), shifted_m, end)
+        for i in range(4):
+            bend[i] += 0.5 * end[i]
     bend[3] -= math.pi * round(bend[3] / math.pi)

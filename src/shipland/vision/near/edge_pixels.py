@@ -176,47 +176,59 @@ def take_pixels(
         levels (…,3), the picture's; distance outward from the side [px]; place along it, -1 to 1 between the ends of
         what is looked at; 1 where the pixel counts, 0 where it repeats another, is too far out or not in the picture.
     """
-    reach = min(math.ceil(reach_px.max()), MOST_ACROSS)
-    shape = (len(lens), _STATIONS, 2 * reach + 1)
-    levels = np.empty((shape[0], shape[1], shape[2], 3), np.uint8)
-    out_px, along, use = np.empty(shape), np.empty(shape), np.empty(shape)
-    height, width = image.shape[:2]
-    for side in range(shape[0]):
+    sides, (height, width) = len(lens), image.shape[:2]
+    farthest_px = 0.0
+    for side in range(sides):
+        farthest_px = max(farthest_px, reach_px[side])
+    reach = min(math.ceil(farthest_px), MOST_ACROSS)
+    across = 2 * reach + 1
+    levels = np.empty((sides, _STATIONS, across, 3), np.uint8)
+    out_px, along = np.empty((sides, _STATIONS, across)), np.empty((sides, _STATIONS, across))
+    use = np.empty((sides, _STATIONS, across))
+    for side in range(sides):
         steep = abs(outward[side, 0]) > abs(outward[side, 1])
         outer = math.copysign(1.0, outward[side, 0 if steep else 1])
         for index in range(_STATIONS):
-            along_px, main, other, along_by_main, along_by_other, out_by_main, out_by_other = lens[side, index]
-            from_main = np.rint(main) - main
-            for step in range(shape[2]):
-                line = np.rint(other) + outer * (step - reach)
-                column, row = (line, np.rint(main)) if steep else (np.rint(main), line)
-                out = out_by_other * (line - other) + out_by_main * from_main
-                out_px[side, index, step] = out
-                place = along_px + along_by_other * (line - other) + along_by_main * from_main
-                along[side, index, step] = place / half_px[side]
+            main, other = lens[side, index, 1], lens[side, index, 2]
+            nearest, nearest_line = np.rint(main), np.rint(other)
+            out_of_main = lens[side, index, 5] * (nearest - main)
+            along_of_main = lens[side, index, 3] * (nearest - main)
+            for step in range(across):
+                line = nearest_line + outer * (step - reach)
+                column, row = (line, nearest) if steep else (nearest, line)
+                out = lens[side, index, 6] * (line - other) + out_of_main
+                place = lens[side, index, 0] + lens[side, index, 4] * (line - other) + along_of_main
                 inside = 0.0 <= column < width and 0.0 <= row < height
                 counts = inside and index < count[side] and abs(out) <= reach_px[side] + 0.5
+                out_px[side, index, step] = out
+                along[side, index, step] = place / half_px[side]
                 use[side, index, step] = 1.0 if counts else 0.0
-                levels[side, index, step] = image[
-                    int(min(max(row, 0.0), height - 1.0)), int(min(max(column, 0.0), width - 1.0))
-                ]
+                row_seen = int(min(max(row, 0.0), height - 1.0))
+                column_seen = int(min(max(column, 0.0), width - 1.0))
+                for colour in range(3):
+                    levels[side, index, step, colour] = image[row_seen, column_seen, colour]
     return levels, out_px, along, use
 
 
 def contrast_direction(inside: Array, outside: Array) -> Array | None:
     """The direction (c,) of light along which two mean lights (c,) differ by 1; None without contrast."""
-    direction = np.empty(len(inside))
-    return direction if _write_direction(np.asarray(inside, float), np.asarray(outside, float), direction) else None
+    direction, whole = np.empty(len(inside)), np.ones(len(inside))
+    lights = np.asarray(inside, float), np.asarray(outside, float)
+    return direction if _write_direction(*lights, whole, direction) else None
 
 
 @compiled
-def _write_direction(inside: Array, outside: Array, direction: Array) -> bool:
+def _write_direction(inside: Array, outside: Array, clear: Array, direction: Array) -> bool:
+    """Write `contrast_direction` of the colours that are 1 in `clear`; 0 for the others."""
     size2 = 0.0
     for colour in range(len(inside)):
-        direction[colour] = inside[colour] - outside[colour]
+        direction[colour] = (inside[colour] - outside[colour]) * clear[colour]
         size2 += direction[colour] ** 2
-    direction /= size2
-    return size2 > _LEAST_CONTRAST**2
+    if not size2 > _LEAST_CONTRAST**2:
+        return False
+    for colour in range(len(inside)):
+        direction[colour] /= size2
+    return True
 
 
 @compiled
@@ -236,67 +248,136 @@ def contrasts(
         Whether there is contrast; whether the inside saturates; by how much a pixel's share differs, root mean square,
         for every grey level that a sensor's noise has.
     """
-    sides, stations, across = values.shape
-    ends = np.zeros((2, 3))
-    for side in range(sides):
-        if held[side]:
-            continue
-        for station in range(stations):
-            for colour in range(3):
-                for end, step in ((0, 0), (0, 1), (1, across - 2), (1, across - 1)):
-                    ends[end, colour] += LIGHT[levels[side, station, step, colour]]
-    ends *= 0.5 / max(stations * np.count_nonzero(~held), 1)
-    inside, outside = ends
+    inside, outside, clear, weights = np.zeros(3), np.zeros(3), np.empty(3), np.empty(3)
+    _end_lights(levels, held, inside, outside)
     # The edge of a saturated colour is moved outward; the other colours are not affected.
-    clear = np.maximum(inside, outside) < _CLIPPED
-    weights = np.empty(3)
-    clipped = not clear.all()
-    if clipped and not by_luma and _write_direction(inside * clear, outside * clear, weights):
+    clipped = False
+    for colour in range(3):
+        clear[colour] = 1.0 if max(inside[colour], outside[colour]) < _CLIPPED else 0.0
+        clipped = clipped or clear[colour] == 0.0
+    if clipped and not by_luma and _write_direction(inside, outside, clear, weights):
         clipped = False
-    elif not _write_direction(inside, outside, weights):
-        return False, clipped, 0.0
+    else:
+        clear[0] = clear[1] = clear[2] = 1.0
+        if not _write_direction(inside, outside, clear, weights):
+            return False, clipped, 0.0
     if by_luma:
         if not _mix_by_luma(levels, inside, outside, values):
             return False, clipped, 0.0
-        weights = _LUMA_BGR / np.sum(_LUMA_BGR * (inside - outside))
+        span = 0.0
+        for colour in range(3):
+            span += _LUMA_BGR[colour] * (inside[colour] - outside[colour])
+        for colour in range(3):
+            weights[colour] = _LUMA_BGR[colour] / span
     else:
-        for side in range(sides):
-            for station in range(stations):
-                for step in range(across):
-                    blue, green, red = levels[side, station, step]
-                    values[side, station, step] = (
-                        LIGHT[blue] * weights[0] + LIGHT[green] * weights[1] + LIGHT[red] * weights[2]
-                    )
-    for side in range(sides):
-        ground = 0.5 * (values[side, :, across - 1].sum() + values[side, :, across - 2].sum()) / stations
-        span = 0.5 * (values[side, :, 0].sum() + values[side, :, 1].sum()) / stations - ground
-        span = 1.0 if held[side] else span
-        if not span >= _LEAST_SIDE_CONTRAST:
-            return False, clipped, 0.0
-        values[side] = (values[side] - ground) * (1.0 / span)
-        _level_by_station(values[side])
+        _mix(levels, weights, values)
+    if not _scale_sides(held, values):
+        return False, clipped, 0.0
     noise2 = 0.0
-    for lights in ends:
-        noise2 += 0.5 * np.sum((weights * np.interp(lights, LIGHT, _LIGHT_A_LEVEL)) ** 2)
+    for lights in (inside, outside):
+        of_end = 0.0
+        for colour in range(3):
+            of_end += (weights[colour] * _light_a_level(lights[colour])) ** 2
+        noise2 += 0.5 * of_end
     return True, clipped, math.sqrt(noise2)
 
 
 @compiled
-def _outer(values: Array) -> Array:
-    """(station,) levels outside."""
-    return 0.5 * (values[:, -1] + values[:, -2])
+def _end_lights(levels: npt.NDArray[np.uint8], held: npt.NDArray[np.bool_], inside: Array, outside: Array) -> None:
+    """Write the mean lights (3,) of the innermost and of the outermost two pixels; both are 0 before."""
+    sides, stations, across = levels.shape[:3]
+    measured = 0
+    for side in range(sides):
+        if held[side]:
+            continue
+        measured += 1
+        for station in range(stations):
+            for colour in range(3):
+                for step in range(2):
+                    inside[colour] += LIGHT[levels[side, station, step, colour]]
+                    outside[colour] += LIGHT[levels[side, station, across - 2 + step, colour]]
+    share = 0.5 / max(stations * measured, 1)
+    for colour in range(3):
+        inside[colour] *= share
+        outside[colour] *= share
+
+
+@compiled
+def _light_a_level(light: float) -> float:
+    """Derivative of light by grey level, where a grey level has that light."""
+    below = 0
+    while below < len(LIGHT) - 2 and LIGHT[below + 1] <= light:
+        below += 1
+    rise = (_LIGHT_A_LEVEL[below + 1] - _LIGHT_A_LEVEL[below]) / (LIGHT[below + 1] - LIGHT[below])
+    return float(rise * (light - LIGHT[below]) + _LIGHT_A_LEVEL[below])
+
+
+@compiled
+def _mix(levels: npt.NDArray[np.uint8], weights: Array, values: Array) -> None:
+    """Write the sum (s,station,across) of the lights of pixels (…,3), each colour with its weight (3,)."""
+    for side in range(len(values)):
+        for station in range(values.shape[1]):
+            for step in range(values.shape[2]):
+                blue = LIGHT[levels[side, station, step, 0]]
+                green = LIGHT[levels[side, station, step, 1]]
+                red = LIGHT[levels[side, station, step, 2]]
+                values[side, station, step] = blue * weights[0] + green * weights[1] + red * weights[2]
+
+
+@compiled
+def _scale_sides(held: npt.NDArray[np.bool_], values: Array) -> bool:
+    """Count values from 0 outside to 1 inside of their side, in place; False where one has too little contrast."""
+    sides, stations, across = values.shape
+    for side in range(sides):
+        inner = second = outer = before = 0.0
+        for station in range(stations):
+            inner += values[side, station, 0]
+            second += values[side, station, 1]
+            outer += values[side, station, across - 1]
+            before += values[side, station, across - 2]
+        ground = 0.5 * (outer + before) / stations
+        span = 1.0 if held[side] else 0.5 * (inner + second) / stations - ground
+        if not span >= _LEAST_SIDE_CONTRAST:
+            return False
+        scale = 1.0 / span
+        for station in range(stations):
+            for step in range(across):
+                values[side, station, step] = (values[side, station, step] - ground) * scale
+        _level_by_station(values[side])
+    return True
+
+
+@compiled
+def _outer(values: Array, station: int) -> float:
+    """Level outside at a station of a side (station,across)."""
+    across = values.shape[1]
+    return 0.5 * float(values[station, across - 1] + values[station, across - 2])
+
+
+@compiled
+def _is_uneven(values: Array) -> bool:
+    """Whether the levels outside of a side (station,across) differ along it."""
+    stations = len(values)
+    mean = variance = 0.0
+    for station in range(stations):
+        mean += _outer(values, station)
+    mean /= stations
+    for station in range(stations):
+        variance += (_outer(values, station) - mean) ** 2 / stations
+    return variance > _UNEVEN**2
 
 
 @compiled
 def _level_by_station(values: Array) -> None:
     """Counts each station's values (station,across) from its own levels, in place, where a side's differ along it."""
-    outer = _outer(values)
-    if not outer.std() > _UNEVEN:
+    if not _is_uneven(values):
         return
     for station in range(len(values)):
-        span = 0.5 * (values[station, 0] + values[station, 1]) - outer[station]
+        outer = _outer(values, station)
+        span = 0.5 * (values[station, 0] + values[station, 1]) - outer
         if span > _LEAST_STATION_CONTRAST:
-            values[station] = (values[station] - outer[station]) / span
+            for step in range(values.shape[1]):
+                values[station, step] = (values[station, step] - outer) / span
 
 
 @compiled
@@ -307,16 +388,24 @@ def set_on_even_ground(values: Array, along: Array) -> None:
 
     Args:
         values: light of which 0 is what is outside on average over the side; changed.
-        along: (station,) places of the stations.
+        along: (station,across) places of the pixels along the side.
     """
-    outer = _outer(values)
-    if outer.std() > _UNEVEN:  # whose stations have levels of their own
+    if _is_uneven(values):  # whose stations have levels of their own
         return
-    apart = along - along.mean()
-    slope = (apart * outer).sum() / max((apart * apart).sum(), 1e-9)
-    for station in range(len(values)):
-        ground = slope * apart[station]
-        values[station] = (values[station] - ground) / (1.0 - ground)
+    stations, across = values.shape
+    mean = moment = spread = 0.0
+    for station in range(stations):
+        mean += along[station, across // 2]
+    mean /= stations
+    for station in range(stations):
+        apart = along[station, across // 2] - mean
+        moment += apart * _outer(values, station)
+        spread += apart * apart
+    slope = moment / max(spread, 1e-9)
+    for station in range(stations):
+        ground = slope * (along[station, across // 2] - mean)
+        for step in range(across):
+            values[station, step] = (values[station, step] - ground) / (1.0 - ground)
 
 
 @compiled
@@ -326,24 +415,37 @@ def _mix_by_luma(levels: npt.NDArray[np.uint8], inside: Array, outside: Array, v
     The luma of a mixture of two lights (3,) rises with the share of the brighter, though not in proportion. False where
     the two have nearly the same luma.
     """
-    luma = np.zeros(len(_SHARES))
-    for index in range(len(_SHARES)):
-        for colour in range(3):
-            light = (outside[colour] + _SHARES[index] * (inside[colour] - outside[colour])) / 255.0
-            level = 12.92 * light if light <= 0.0031308 else 1.055 * max(light, 0.0) ** (1.0 / 2.4) - 0.055
-            luma[index] += 255.0 * level * _LUMA_BGR[colour]
-    shares = _SHARES
-    if luma[-1] < luma[0]:
-        luma, shares = luma[::-1].copy(), _SHARES[::-1].copy()
-    if not (np.diff(luma).min() > 0.0 and luma[-1] - luma[0] > _LEAST_LUMA):
+    count = len(_SHARES)
+    shares, luma = np.empty(count), np.empty(count)
+    brighter = _luma(inside, outside, 1.0) >= _luma(inside, outside, 0.0)
+    for index in range(count):
+        shares[index] = _SHARES[index if brighter else count - 1 - index]
+        luma[index] = _luma(inside, outside, shares[index])
+        if index > 0 and not luma[index] > luma[index - 1]:
+            return False
+    if not luma[count - 1] - luma[0] > _LEAST_LUMA:
         return False
     for side in range(len(values)):
         for station in range(values.shape[1]):
             for step in range(values.shape[2]):
-                blue, green, red = levels[side, station, step]
-                seen = blue * _LUMA_BGR[0] + green * _LUMA_BGR[1] + red * _LUMA_BGR[2]
-                after = min(max(np.searchsorted(luma, seen), 1), len(luma) - 1)
+                seen = 0.0
+                for colour in range(3):
+                    seen += levels[side, station, step, colour] * _LUMA_BGR[colour]
+                after = 1
+                while after < count - 1 and luma[after] < seen:
+                    after += 1
                 rise = (shares[after] - shares[after - 1]) / (luma[after] - luma[after - 1])
-                seen = min(max(seen, luma[0]), luma[-1])
+                seen = min(max(seen, luma[0]), luma[count - 1])
                 values[side, station, step] = shares[after - 1] + rise * (seen - luma[after - 1])
     return True
+
+
+@compiled
+def _luma(inside: Array, outside: Array, share: float) -> float:
+    """Luma [grey levels] of a mixture of two lights (3,), by the share of that inside."""
+    luma = 0.0
+    for colour in range(3):
+        light = (outside[colour] + share * (inside[colour] - outside[colour])) / 255.0
+        level = 12.92 * light if light <= 0.0031308 else 1.055 * max(light, 0.0) ** (1.0 / 2.4) - 0.055
+        luma += 255.0 * level * _LUMA_BGR[colour]
+    return luma

@@ -226,26 +226,44 @@ def edge_response(inside_px: float, blur_px: float) -> tuple[float, float, float
 
 
 @compiled
+def _ordered(values: Array) -> Array:
+    """(n,) in ascending order."""
+    ordered = np.empty(len(values))
+    for index in range(len(values)):
+        place = index
+        while place > 0 and ordered[place - 1] > values[index]:
+            ordered[place] = ordered[place - 1]
+            place -= 1
+        ordered[place] = values[index]
+    return ordered
+
+
+@compiled
 def _crossings(values: Array, out_px: Array, crossing_px: Array) -> None:
     """Write where each column of a side's pixels (station,across) crosses the edge [px], by the area under it."""
-    across = values.shape[1]
-    for station in range(len(values)):
-        share = (values[station].sum() - 0.5) / (across - 1)
-        crossing_px[station] = out_px[station, 0] + share * (out_px[station, -1] - out_px[station, 0])
+    stations, across = values.shape
+    for station in range(stations):
+        area = 0.0
+        for step in range(across):
+            area += values[station, step]
+        share = (area - 0.5) / (across - 1)
+        first_px = out_px[station, 0]
+        crossing_px[station] = first_px + share * (out_px[station, across - 1] - first_px)
 
 
 @compiled
 def _coarse(crossing_px: Array, along: Array) -> tuple[float, float]:
-    """Offset and tilt over the half length [px] of a side, from where its columns of pixels (station,) cross it."""
-    stations = len(crossing_px)
-    middle_px = np.sort(crossing_px)[stations // 2]
+    """Offset and tilt over the half length [px] of a side (station,across), from where its columns (station,) cross."""
+    stations, centre = len(crossing_px), along.shape[1] // 2
+    middle_px = _ordered(crossing_px)[stations // 2]
     mean = mean2 = offset_px = moment = 0.0
     for station in range(stations):
+        place = along[station, centre]
         near_px = min(max(crossing_px[station], middle_px - 1.0), middle_px + 1.0)
-        mean += along[station] / stations
-        mean2 += along[station] * along[station] / stations
+        mean += place / stations
+        mean2 += place * place / stations
         offset_px += near_px / stations
-        moment += along[station] * near_px / stations
+        moment += place * near_px / stations
     tilt_px = (moment - mean * offset_px) / max(mean2 - mean * mean, 1e-6)
     return offset_px - tilt_px * mean, tilt_px
 
@@ -257,75 +275,149 @@ def _leave_out_strays(values: Array, pixels: Pixels, columns: Array) -> bool:
     They have other levels than most of the side, or an edge off the line on which most have theirs.
     """
     levels, out_px, along, use = pixels
-    sides, stations = values.shape[:2]
+    sides, stations, across = values.shape
     if _all_alike(values, out_px, along):
         return False
-    stray, counted = np.zeros((sides, stations), np.bool_), np.empty((sides, stations), np.bool_)
+    counted, stray = np.empty((sides, stations), np.bool_), np.empty((sides, stations), np.bool_)
+    counts, strays, all_strays = np.empty(sides), np.empty(sides), 0.0
     for side in range(sides):
-        for station in range(stations):
-            counted[side, station] = use[side, station].any()
-        _mark_strays(values[side], out_px[side], along[side, :, values.shape[2] // 2], counted[side], stray[side])
-    if not stray.any():
+        counts[side] = _counted_stations(use[side], counted[side])
+        strays[side] = _mark_strays(values[side], out_px[side], along[side], counted[side], counts[side], stray[side])
+        all_strays += strays[side]
+    if all_strays == 0.0:
         return False
     for side in range(sides):
-        kept = counted[side] & ~stray[side]
-        share = np.sum(kept) / max(1.0 * np.sum(counted[side]), 1.0)
-        columns[side] = max(columns[side] * share, 1.0)
+        columns[side] = max(columns[side] * ((counts[side] - strays[side]) / max(counts[side], 1.0)), 1.0)
         for station in range(stations):
             if stray[side, station]:
-                use[side, station] = 0.0
-            if kept.any() and not kept[station]:
-                nearest = np.argmin(np.abs(np.arange(stations) - station) + np.where(kept, 0, stations))
-                levels[side, station] = levels[side, nearest]
-                out_px[side, station] = out_px[side, nearest]
-                along[side, station] = along[side, nearest]
+                counted[side, station] = False
+                for step in range(across):
+                    use[side, station, step] = 0.0
+        for station in range(stations):
+            nearest = _nearest(station, counted[side])
+            for step in range(across):
+                out_px[side, station, step] = out_px[side, nearest, step]
+                along[side, station, step] = along[side, nearest, step]
+                for colour in range(3):
+                    levels[side, station, step, colour] = levels[side, nearest, step, colour]
     return True
+
+
+@compiled
+def _counted_stations(use: Array, counted: npt.NDArray[np.bool_]) -> float:
+    """Write which columns of a side's pixels (station,across) count, those of which a pixel does; how many."""
+    count = 0.0
+    for station in range(len(counted)):
+        counted[station] = False
+        for step in range(use.shape[1]):
+            counted[station] = counted[station] or use[station, step] > 0.0
+        count += 1.0 if counted[station] else 0.0
+    return count
+
+
+@compiled
+def _nearest(station: int, kept: npt.NDArray[np.bool_]) -> int:
+    """The kept station (station,) nearest to one; itself where none is kept."""
+    for away in range(len(kept)):
+        if station >= away and kept[station - away]:
+            return station - away
+        if station + away < len(kept) and kept[station + away]:
+            return station + away
+    return station
 
 
 @compiled
 def _all_alike(values: Array, out_px: Array, along: Array) -> bool:
     """Whether all stations have nearly the levels of their side, and their edges lie near its line."""
-    crossing_px = np.empty(values.shape[1])
-    for side in range(len(values)):
-        for station in range(values.shape[1]):
-            levels = values[side, station]
-            inner, outer = min(levels[0], levels[1]), max(levels[-1], levels[-2])
-            brighter, darker = max(levels[0], levels[1]), min(levels[-1], levels[-2])
-            if max(max(1.0 - inner, brighter - 1.0), max(-darker, outer)) > _ALIKE * _STRAY_LEVEL:
-                return False
-        middle = along[side, :, values.shape[2] // 2]
+    sides, stations, across = values.shape
+    crossing_px = np.empty(stations)
+    for side in range(sides):
+        for station in range(stations):
+            for step in range(2):
+                inner, outer = values[side, station, step], values[side, station, across - 1 - step]
+                if max(abs(1.0 - inner), abs(outer)) > _ALIKE * _STRAY_LEVEL:
+                    return False
         _crossings(values[side], out_px[side], crossing_px)
-        offset_px, tilt_px = _coarse(crossing_px, middle)
-        if not np.abs(crossing_px - (offset_px + tilt_px * middle)).max() <= _ALIKE * _STRAY_PX:
-            return False
+        offset_px, tilt_px = _coarse(crossing_px, along[side])
+        for station in range(stations):
+            line_px = offset_px + tilt_px * along[side, station, across // 2]
+            if not abs(crossing_px[station] - line_px) <= _ALIKE * _STRAY_PX:
+                return False
     return True
 
 
 @compiled
 def _mark_strays(
-    values: Array, out_px: Array, along: Array, counted: npt.NDArray[np.bool_], stray: npt.NDArray[np.bool_]
-) -> None:
-    """Mark the stray ones among the columns of pixels (station,across) of a side."""
-    stations = len(values)
-    # Where there are fewer stations than room for them, the last one is repeated: all count alike here.
-    alike = np.arange(stations) * np.count_nonzero(counted) // stations
-    inner, outer = 0.5 * (values[:, 0] + values[:, 1]), 0.5 * (values[:, -1] + values[:, -2])
-    inside, outside = np.median(inner[alike]), np.median(outer[alike])
-    span, crossing_px = max(inside - outside, 0.1), np.empty(stations)
-    _crossings((values - outside) / span, out_px, crossing_px)
-    fits = np.maximum(np.abs(inner - inside), np.abs(outer - outside)) <= _STRAY_LEVEL * span
-    most = -1
+    values: Array,
+    out_px: Array,
+    along: Array,
+    counted: npt.NDArray[np.bool_],
+    count: float,
+    stray: npt.NDArray[np.bool_],
+) -> float:
+    """Mark the stray ones among those columns of pixels (station,across) of a side that count; how many."""
+    stations, across = values.shape
+    inner, outer, crossing_px = np.empty(stations), np.empty(stations), np.empty(stations)
+    alike, scaled = np.empty(stations, np.int64), np.empty((stations, across))
+    for station in range(stations):
+        # Where there are fewer stations than room for them, the last one is repeated: all count alike here.
+        alike[station] = math.floor(station * count / stations)
+        inner[station] = 0.5 * (values[station, 0] + values[station, 1])
+        outer[station] = 0.5 * (values[station, across - 1] + values[station, across - 2])
+    inside, outside = _median(inner, alike), _median(outer, alike)
+    span = max(inside - outside, 0.1)
+    fits = np.empty(stations, np.bool_)
+    for station in range(stations):
+        off = max(abs(inner[station] - inside), abs(outer[station] - outside))
+        fits[station] = off <= _STRAY_LEVEL * span
+        for step in range(across):
+            scaled[station, step] = (values[station, step] - outside) / span
+    _crossings(scaled, out_px, crossing_px)
+    fewest, best = math.inf, 0
     for pair in range(len(_FIRST)):
         first, last = alike[_FIRST[pair]], alike[_LAST[pair]]
-        run = along[last] - along[first]
-        slope = 0.0 if abs(run) < 0.1 else (crossing_px[last] - crossing_px[first]) / run
-        off_px = np.abs(crossing_px - crossing_px[first] - slope * (along - along[first]))
-        agree = fits & counted & (off_px <= _STRAY_PX)
-        if agree.sum() > most:
-            most = agree.sum()
-            stray[:] = counted & ~agree
-    if not np.count_nonzero(stray) < _MOST_STRAY * np.count_nonzero(counted):
-        stray[:] = False
+        strays = _mark_off_line(crossing_px, along, first, last, fits, counted, stray)
+        if strays < fewest:
+            fewest, best = strays, pair
+    first, last = alike[_FIRST[best]], alike[_LAST[best]]
+    _mark_off_line(crossing_px, along, first, last, fits, counted, stray)
+    if fewest < _MOST_STRAY * count:
+        return fewest
+    for station in range(stations):
+        stray[station] = False
+    return 0.0
+
+
+@compiled
+def _median(values: Array, stations: npt.NDArray[np.int64]) -> float:
+    """Median of the values at some stations."""
+    count = len(stations)
+    some = np.empty(count)
+    for index in range(count):
+        some[index] = values[stations[index]]
+    ordered = _ordered(some)
+    return 0.5 * float(ordered[(count - 1) // 2] + ordered[count // 2])
+
+
+@compiled
+def _mark_off_line(
+    crossing_px: Array,
+    along: Array,
+    first: int,
+    last: int,
+    fits: npt.NDArray[np.bool_],
+    counted: npt.NDArray[np.bool_],
+    stray: npt.NDArray[np.bool_],
+) -> float:
+    """Mark stations that count and do not fit, or lie off the line through two of them; how many."""
+    centre, strays = along.shape[1] // 2, 0.0
+    run = along[last, centre] - along[first, centre]
+    slope = 0.0 if abs(run) < 0.1 else (crossing_px[last] - crossing_px[first]) / run
+    for station in range(len(stray)):
+        off_px = crossing_px[station] - crossing_px[first] - slope * (along[station, centre] - along[first, centre])
+        stray[station] = counted[station] and not (fits[station] and abs(off_px) <= _STRAY_PX)
+        strays += 1.0 if stray[station] else 0.0
+    return strays
 
 
 @compiled
@@ -348,10 +440,9 @@ def _first_blur_px(values: Array, out_px: Array, along: Array, ends: Array) -> f
                 weight += fall
         spacing_px = out_px[side, 0, 1] - out_px[side, 0, 0]
         variances[side] = moment / max(weight, 1e-3) - (1.0 + spacing_px * spacing_px) / 12.0
-    return min(max(math.sqrt(max(np.sort(variances)[sides // 2], 0.0)), _BLUR_PX[0]), _BLUR_PX[1])
+    return min(max(math.sqrt(max(_ordered(variances)[sides // 2], 0.0)), _BLUR_PX[0]), _BLUR_PX[1])
 
 
-@compiled
 def _fit_sides(
     image: Image,
     sides: SideArrays,
@@ -374,7 +465,7 @@ def _fit_sides(
         ends: (2,s) written: offset outward, and tilt over the half length [px].
         variance: (3,s) written: of the offset, of the two together, of the slope.
     """
-    outward, length_px, half_px, reach_px, held = sides
+    outward, _, half_px, reach_px, held = sides
     pixels = take_pixels(image, outward, reach_px, half_px, lens, columns)
     values = np.empty(pixels[1].shape)
     there, clipped, per_level = contrasts(pixels[0], held, False, values)
@@ -395,9 +486,9 @@ def _fit_sides(
     # Two coded fits are compared by their pixels; beside a clean one, what coding adds counts.
     of_fit, of_other = variance[0].sum(), other_variance[0].sum()
     if fit[0]:
-        _add_coding(fit, outward, length_px, half_px, held, errors_px, variance)
+        _add_coding(fit, sides, errors_px, variance)
     if other[0] and other[3]:
-        _add_coding(other, outward, length_px, half_px, held, errors_px, other_variance)
+        _add_coding(other, sides, errors_px, other_variance)
     elif other[0]:
         of_fit, of_other = variance[0].sum(), other_variance[0].sum()
     if fit[0] and (not other[0] or of_fit <= of_other):
@@ -406,27 +497,17 @@ def _fit_sides(
     return other
 
 
-@compiled
-def _add_coding(
-    fit: Fit,
-    outward: Array,
-    length_px: Array,
-    half_px: Array,
-    held: npt.NDArray[np.bool_],
-    errors_px: tuple[float, float, float],
-    variance: Array,
-) -> None:
+def _add_coding(fit: Fit, sides: SideArrays, errors_px: tuple[float, float, float], variance: Array) -> None:
     """Add what coding adds to the variance of a fit whose misfit is that of coding."""
-    for side in range(len(length_px)):
-        if held[side]:
-            continue
-        coded2 = (errors_px[2] * fit[2]) ** 2 * _CODED_SIDE_PX / max(length_px[side], _CODED_SIDE_PX)
-        if fit[4]:  # which a side that crosses several rows of pixels (columns, if it is steep) averages out
-            size = np.abs(outward[side])
-            crossed = length_px[side] * size.min() / size.max()
-            coded2 += (errors_px[1] / max(crossed, 1.0)) ** 2
-        variance[0, side] += coded2
-        variance[2, side] += coded2 * min(length_px[side] / _TILTED_SIDE_PX, _MOST_TILTED) / half_px[side] ** 2
+    outward, length_px, half_px, _, held = sides
+    coded2 = (errors_px[2] * fit[2]) ** 2 * _CODED_SIDE_PX / np.maximum(length_px, _CODED_SIDE_PX)
+    if fit[4]:  # which a side that crosses several rows of pixels (columns, if it is steep) averages out
+        size = np.abs(outward)
+        crossed = length_px * size.min(axis=1) / size.max(axis=1)
+        coded2 += (errors_px[1] / np.maximum(crossed, 1.0)) ** 2
+    tilted2 = coded2 * np.minimum(length_px / _TILTED_SIDE_PX, _MOST_TILTED) / half_px**2
+    variance[0] += np.where(held, 0.0, coded2)
+    variance[2] += np.where(held, 0.0, tilted2)
 
 
 @compiled
@@ -445,40 +526,43 @@ def _fit_to(
     """`_fit_sides` to the light of pixels (s,station,across), 1 inside and 0 outside; it is changed."""
     _, out_px, along, use = pixels
     _, length_px, half_px, reach_px, held = sides
-    count, stations, across = values.shape
-    crossing_px = np.empty(stations)
+    count = len(values)
+    least_reach_px = math.inf
     for side in range(count):
-        _crossings(values[side], out_px[side], crossing_px)
-        ends[0, side], ends[1, side] = _coarse(crossing_px, along[side, :, across // 2])
+        least_reach_px = min(least_reach_px, reach_px[side])
+    _fit_coarsely(values, out_px, along, ends)
     if math.isnan(blur_px):
         blur_px = _first_blur_px(values, out_px, along, ends)
-    if blur_px <= _SHARP * reach_px.min():
+    if blur_px <= _SHARP * least_reach_px:
         for side in range(count):
-            set_on_even_ground(values[side], along[side, :, across // 2])
-            _crossings(values[side], out_px[side], crossing_px)
-            ends[0, side], ends[1, side] = _coarse(crossing_px, along[side, :, across // 2])
+            set_on_even_ground(values[side], along[side])
+        _fit_coarsely(values, out_px, along, ends)
     sums, step, by_blur = np.empty((count, 10)), np.empty((count, 2)), np.empty((count, 2))
     for _ in range(_STEPS):
         gain = curvature = 0.0
         for side in range(count):
-            sums[side] = _products(
+            sum_of = sums[side]
+            _products(
                 values[side],
                 out_px[side],
                 along[side],
                 use[side],
-                ends[:, side],
+                ends[0, side],
+                ends[1, side],
                 half_px[side],
                 length_px[side],
                 blur_px,
+                sum_of,
             )
-            a, b, c, p, q, blur_a, blur_b, _, blur_residual, blur2 = sums[side]
+            a, b, c, p, q = sum_of[0], sum_of[1], sum_of[2], sum_of[3], sum_of[4]
+            blur_a, blur_b = sum_of[5], sum_of[6]
             scale = 1.0 / max(a * c - b * b, 1e-9)
             step[side, 0], step[side, 1] = (c * p - b * q) * scale, (a * q - b * p) * scale
             # All sides have the same blur: its step is that of the Schur complement, with every side moved along.
             first, second = (c * blur_a - b * blur_b) * scale, (a * blur_b - b * blur_a) * scale
             by_blur[side, 0], by_blur[side, 1] = first, second
-            gain += blur_residual - first * p - second * q
-            curvature += blur2 - first * blur_a - second * blur_b
+            gain += sum_of[8] - first * p - second * q
+            curvature += sum_of[9] - first * blur_a - second * blur_b
         blurrier_px = gain / curvature if curvature > 1e-6 else 0.0
         blurrier_px = min(max(blurrier_px, -0.5 * blur_px, _BLUR_PX[0] - blur_px), blur_px)
         largest = 0.0
@@ -495,7 +579,7 @@ def _fit_to(
         if not (held[side] or abs(ends[0, side]) + abs(ends[1, side]) <= reach_px[side]):
             return False, blur_px, 0.0, False, clipped
         residual2 = sums[side, 7] - (step[side, 0] * sums[side, 3] + step[side, 1] * sums[side, 4])
-        variance[0, side] = max(residual2, 0.0) / max(use[side].sum() - 2.0, 1.0)
+        variance[0, side] = max(residual2, 0.0) / max(_total(use[side]) - 2.0, 1.0)
         misfit2 += variance[0, side] / count
     misfit = math.sqrt(misfit2)
     noisy = misfit > max(_MISFIT, _MISFIT_LEVELS * per_level)
@@ -503,10 +587,10 @@ def _fit_to(
     for side in range(count):
         half2 = half_px[side] ** 2
         if held[side]:
-            ends[:, side] = 0.0
+            ends[0, side] = ends[1, side] = 0.0
             variance[0, side], variance[1, side], variance[2, side] = _HELD_PX**2, 0.0, _HELD_PX**2 / half2
             continue
-        a, b, c = sums[side, :3]
+        a, b, c = sums[side, 0], sums[side, 1], sums[side, 2]
         noise2 = variance[0, side]
         # The levels inside and outside come from two pixels a column each, and shift the edge as they err.
         floor2 = errors_px[0] ** 2 / columns[side] + noise2 * columns[side] / max(4.0 * a * a, 1e-9)
@@ -518,19 +602,40 @@ def _fit_to(
 
 
 @compiled
+def _fit_coarsely(values: Array, out_px: Array, along: Array, ends: Array) -> None:
+    """Write offset and tilt (2,s) [px] of sides by the area under their columns of pixels (s,station,across)."""
+    crossing_px = np.empty(values.shape[1])
+    for side in range(len(values)):
+        _crossings(values[side], out_px[side], crossing_px)
+        ends[0, side], ends[1, side] = _coarse(crossing_px, along[side])
+
+
+@compiled
+def _total(values: Array) -> float:
+    """Sum of an array of rows."""
+    total = 0.0
+    for row in range(len(values)):
+        for column in range(values.shape[1]):
+            total += values[row, column]
+    return total
+
+
+@compiled
 def _products(
     values: Array,
     out_px: Array,
     along: Array,
     use: Array,
-    ends: Array,
+    offset_px: float,
+    tilt_px: float,
     half_px: float,
     length_px: float,
     blur_px: float,
-) -> tuple[float, float, float, float, float, float, float, float, float, float]:
-    """Sums over a side's pixels (station,across) of products of the derivatives and the residual of the fitted edge.
+    sums: Array,
+) -> None:
+    """Write sums over a side's pixels (station,across) of products of the fitted edge's derivatives and residual.
 
-    By the offset o, the tilt t, the residual r and the blur s: oo, ot, tt, or, tr, os, ts, rr, sr, ss.
+    By the offset o, the tilt t, the residual r and the blur s: (10,) oo, ot, tt, or, tr, os, ts, rr, sr, ss.
     """
     stations, across = values.shape
     rounded, width_px, ground, span = blur_px > _ROUNDING_BLUR_PX, math.sqrt(blur_px * blur_px + 1.0 / 12.0), 0.0, 1.0
@@ -538,10 +643,10 @@ def _products(
         levels = np.zeros(across)
         for step in (0, 1, across - 2, across - 1):
             for station in range(stations):
-                inside_px = ends[0] + ends[1] * along[station, step] - out_px[station, step]
+                inside_px = offset_px + tilt_px * along[station, step] - out_px[station, step]
                 share = _left_by_ends(along[station, step] * half_px, 0.5 * length_px, width_px)
                 levels[step] += edge_response(inside_px, blur_px)[0] * share / stations
-        ground = 0.5 * (levels[-1] + levels[-2])
+        ground = 0.5 * (levels[across - 1] + levels[across - 2])
         span = 0.5 * (levels[0] + levels[1]) - ground
     oo = ot = tt = ro = rt = so = st = rr = sr = ss = 0.0
     for station in range(stations):
@@ -549,21 +654,18 @@ def _products(
             if use[station, step] == 0.0:
                 continue
             place = along[station, step]
-            seen, by_offset, by_blur = edge_response(ends[0] + ends[1] * place - out_px[station, step], blur_px)
+            seen, by_offset, by_blur = edge_response(offset_px + tilt_px * place - out_px[station, step], blur_px)
             if rounded:
                 share = _left_by_ends(place * half_px, 0.5 * length_px, width_px)
                 seen, by_offset, by_blur = seen * share, by_offset * share, by_blur * share
             residual = ground + values[station, step] * span - seen
             by_tilt = by_offset * place
             oo, ot, tt = oo + by_offset * by_offset, ot + by_offset * by_tilt, tt + by_tilt * by_tilt
-            ro, rt, so, st = (
-                ro + by_offset * residual,
-                rt + by_tilt * residual,
-                so + by_offset * by_blur,
-                st + by_tilt * by_blur,
-            )
+            ro, rt = ro + by_offset * residual, rt + by_tilt * residual
+            so, st = so + by_offset * by_blur, st + by_tilt * by_blur
             rr, sr, ss = rr + residual * residual, sr + by_blur * residual, ss + by_blur * by_blur
-    return oo, ot, tt, ro, rt, so, st, rr, sr, ss
+    sums[0], sums[1], sums[2], sums[3], sums[4] = oo, ot, tt, ro, rt
+    sums[5], sums[6], sums[7], sums[8], sums[9] = so, st, rr, sr, ss
 
 
 @compiled
@@ -597,15 +699,21 @@ def _intersect(
     for polygon in range(polygons):
         for corner in range(corners):
             side = polygon * corners + corner
-            out, slope = outward[side], ends[1, side] / half_px[side]
+            out_x, out_y, slope = outward[side, 0], outward[side, 1], ends[1, side] / half_px[side]
             length = math.sqrt(1.0 + slope * slope)
-            # The direction (−out₁, out₀) turned outward by the slope.
-            lines[corner, 0] = middle_px[side, 0] + ends[0, side] * out[0]
-            lines[corner, 1] = middle_px[side, 1] + ends[0, side] * out[1]
-            lines[corner, 2], lines[corner, 3] = (slope * out[0] - out[1]) / length, (slope * out[1] + out[0]) / length
+            # The direction (−out_y, out_x) turned outward by the slope.
+            lines[corner, 0] = middle_px[side, 0] + ends[0, side] * out_x
+            lines[corner, 1] = middle_px[side, 1] + ends[0, side] * out_y
+            lines[corner, 2], lines[corner, 3] = (slope * out_x - out_y) / length, (slope * out_y + out_x) / length
         for corner in range(corners):
-            x, y, along, down = lines[corner]
-            before_x, before_y, before_along, before_down = lines[corner - 1]
+            before = (corner - 1) % corners
+            x, y, along, down = lines[corner, 0], lines[corner, 1], lines[corner, 2], lines[corner, 3]
+            before_x, before_y, before_along, before_down = (
+                lines[before, 0],
+                lines[before, 1],
+                lines[before, 2],
+                lines[before, 3],
+            )
             turn = before_along * down - before_down * along
             if not abs(turn) >= _LEAST_TURN:
                 return math.nan
@@ -615,14 +723,14 @@ def _intersect(
             corners_px[polygon, corner, 1] = before_y + lever_px * before_down
             # Each side's normal is (down, −along).
             moved = 0.0 if held[polygon * corners + corner] else 1.0
-            before_moved = 0.0 if held[polygon * corners + (corner - 1) % corners] else 1.0
+            before_moved = 0.0 if held[polygon * corners + before] else 1.0
             cosine = down * before_down + along * before_along
             here, there = (moved - cosine * before_moved), (before_moved - cosine * moved)
             bias[polygon, corner, 0] = (here * down + there * before_down) / (1.0 - cosine * cosine)
             bias[polygon, corner, 1] = -(here * along + there * before_along) / (1.0 - cosine * cosine)
         for corner in range(corners):
             side, following = polygon * corners + corner, (corner + 1) % corners
-            x, y, along, down = lines[corner]
+            x, y, along, down = lines[corner, 0], lines[corner, 1], lines[corner, 2], lines[corner, 3]
             # Deviations of the two ends' distances from a side have its variance V0 + (x + y) V1 + x y V2 at x, y.
             start_px = (corners_px[polygon, corner, 0] - x) * along + (corners_px[polygon, corner, 1] - y) * down
             end_px = (corners_px[polygon, following, 0] - x) * along + (corners_px[polygon, following, 1] - y) * down

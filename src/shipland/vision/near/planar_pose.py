@@ -238,8 +238,7 @@ def _refined(
     damping: float,
 ) -> Solution | None:
     """The solution from a start; None when it diverges. Without damping it starts as Gauss–Newton."""
-    gram, residual = np.empty((7, 7)), np.empty((len(problem.plane), 2))
-    settled, rotation, translation_m = _refine(problem, rotation, translation_m, damping, gram, residual)
+    settled, rotation, translation_m, gram, residual = _refine(problem, rotation, translation_m, damping)
     return _solution(problem, corners, prior, Pose(rotation, translation_m), gram, residual) if settled else None
 
 
@@ -258,16 +257,16 @@ def _solution(
 class Problem(NamedTuple):
     """Least squares on rays (x/z, y/z) instead of pixels, whitened: every residual is one standard deviation.
 
-    The covariance (WᵀW)⁻¹ + C Cᵀ is whitened by (1 − V K Vᵀ) W, with V = W C and VᵀV = Q λ Qᵀ:
-    K = Q (1 − (1 + λ)^−½) / λ Qᵀ.
+    The covariance (WᵀW)⁻¹ + C Cᵀ is whitened by W and then, for one column v of V = W C after the other as the factors
+    before leave it, by 1 − s sᵀ, with s = v √(1 − (1 + vᵀv)^−½) / |v|.
 
     Attributes:
         plane: (n,2) [m].
         rays: (n,2).
         whiten: (k,w,w) W, of a polygon's rays.
         common: (m,2n) Vᵀ.
-        share: (2n,m) V K.
-        amplitude: (m,m) Q (1 + λ)⁻¹ Qᵀ.
+        share: (m,2n) s.
+        amplitude: (m,m) (1 + VᵀV)⁻¹.
         common_px: (m,2n) Cᵀ.
         to_pixels: (2,2) of the camera matrix.
         across: (2,3) directions across the prior's, over its deviation; 0 without one.
@@ -288,51 +287,87 @@ def problem_of(corners: Corners, camera: Camera, prior: LevelPrior | None) -> Pr
     """Of measured corners and the gimbal's vertical."""
     plane_m, size = corners.plane_m, corners.plane_m.size
     common_px = np.zeros((0, size)) if corners.common_px is None else corners.common_px.reshape(-1, size)
-    return _pose_problem(
-        np.ascontiguousarray(plane_m).reshape(-1, 2),
-        np.ascontiguousarray(corners.undistorted_px).reshape(-1, 2),
-        np.ascontiguousarray(corners.whiten),
-        np.ascontiguousarray(common_px),
-        np.ascontiguousarray(camera.matrix),
-        np.zeros(3) if prior is None else prior.down_in_camera,
-        math.inf if prior is None else prior.noise_rad,
+    count, kinds = plane_m.size // 2, len(common_px)
+    problem = Problem(
+        plane=np.ascontiguousarray(plane_m).reshape(-1, 2),
+        rays=np.empty((count, 2)),
+        whiten=np.empty(corners.whiten.shape),
+        common=np.empty((kinds, size)),
+        share=np.empty((kinds, size)),
+        amplitude=np.empty((kinds, kinds)),
+        common_px=np.ascontiguousarray(common_px),
+        to_pixels=np.ascontiguousarray(camera.matrix[:2, :2]),
+        across=np.zeros((2, 3)),
     )
-
-
-@compiled
-def _pose_problem(
-    plane: Array, pixels: Array, whiten: Array, common_px: Array, matrix: Array, down_in_camera: Array, noise_rad: float
-) -> Problem:
-    count, wide, kinds = len(plane), whiten.shape[1], len(common_px)
-    rays, to_pixels = np.empty((count, 2)), matrix[:2, :2].copy()
-    for point in range(count):
-        rays[point, 1] = (pixels[point, 1] - matrix[1, 2]) / matrix[1, 1]
-        rays[point, 0] = (pixels[point, 0] - matrix[0, 2] - matrix[0, 1] * rays[point, 1]) / matrix[0, 0]
-    by_rays, common = np.empty(whiten.shape), np.empty((kinds, 2 * count))
-    for block in range(len(whiten)):
-        first = block * wide
-        for column in range(0, wide, 2):
-            by_rays[block, :, column : column + 2] = whiten[block, :, column : column + 2].copy() @ to_pixels
-        for kind in range(kinds):
-            common[kind, first : first + wide] = whiten[block] @ common_px[kind, first : first + wide]
-    share, amplitude = np.zeros((2 * count, kinds)), np.zeros((kinds, kinds))
-    if kinds > 0:
-        length2, turn = np.linalg.eigh(common @ common.T)
-        length2 = np.maximum(length2, 1e-12)
-        turned = np.ascontiguousarray(turn)
-        share = common.T @ ((turned * ((1.0 - (1.0 + length2) ** -0.5) / length2)) @ turned.T)
-        amplitude = (turned * (1.0 / (1.0 + length2))) @ turned.T
-    across = np.zeros((2, 3))
-    if noise_rad < math.inf:
-        x, y, z = down_in_camera
+    whiten = np.ascontiguousarray(corners.whiten)
+    pixels = np.ascontiguousarray(corners.undistorted_px).reshape(-1, 2)
+    _whiten_rays(pixels, whiten, camera.matrix[0, 2], camera.matrix[1, 2], problem)
+    _whiten_common(whiten, problem.common_px, problem.common, problem.share, problem.amplitude)
+    if prior is not None:
         # Frisvad's frame, about the axis that the direction is farthest against.
+        x, y, z = prior.down_in_camera.tolist()
         sign = 1.0 if z >= 0.0 else -1.0
         a = -1.0 / (sign + z)
         b = x * y * a
-        across[0, 0], across[0, 1], across[0, 2] = 1.0 + sign * x * x * a, sign * b, -sign * x
-        across[1, 0], across[1, 1], across[1, 2] = b, sign + y * y * a, -y
-        across /= noise_rad
-    return Problem(plane, rays, by_rays, common, share, amplitude, common_px, to_pixels, across)
+        problem.across[0] = 1.0 + sign * x * x * a, sign * b, -sign * x
+        problem.across[1] = b, sign + y * y * a, -y
+        problem.across[:] /= prior.noise_rad
+    return problem
+
+
+@compiled
+def _whiten_rays(pixels: Array, whiten: Array, centre_u: float, centre_v: float, problem: Problem) -> None:
+    """Write `rays` and `whiten` of a problem, from pixels (n,2) and what whitens these (k,w,w)."""
+    wide, to_pixels, by_rays = whiten.shape[1], problem.to_pixels, problem.whiten
+    for point in range(len(pixels)):
+        v = (pixels[point, 1] - centre_v) / to_pixels[1, 1]
+        problem.rays[point, 0] = (pixels[point, 0] - centre_u - to_pixels[0, 1] * v) / to_pixels[0, 0]
+        problem.rays[point, 1] = v
+    for block in range(len(whiten)):
+        for row in range(wide):
+            for first in range(0, wide, 2):
+                of_column, of_row = whiten[block, row, first], whiten[block, row, first + 1]
+                by_rays[block, row, first] = of_column * to_pixels[0, 0] + of_row * to_pixels[1, 0]
+                by_rays[block, row, first + 1] = of_column * to_pixels[0, 1] + of_row * to_pixels[1, 1]
+
+
+@compiled
+def _whiten_common(whiten: Array, common_px: Array, common: Array, share: Array, amplitude: Array) -> None:
+    """Write `common`, `share` and `amplitude` of `Problem`."""
+    wide, (kinds, size) = whiten.shape[1], common_px.shape
+    information = np.empty((kinds, kinds))
+    for kind in range(kinds):
+        for row in range(size):
+            block, of_block = row // wide, row % wide
+            total = 0.0
+            for column in range(wide):
+                total += whiten[block, of_block, column] * common_px[kind, block * wide + column]
+            common[kind, row] = share[kind, row] = total
+        for before in range(kind):
+            _leave_out(share[before], share[kind])
+        length2 = max(_dot(share[kind], share[kind]), 1e-12)
+        scale = math.sqrt((1.0 - 1.0 / math.sqrt(1.0 + length2)) / length2)
+        for row in range(size):
+            share[kind, row] *= scale
+        for other in range(kind + 1):
+            information[kind, other] = _dot(common[kind], common[other]) + (1.0 if other == kind else 0.0)
+    _inverse(information, 0.0, amplitude)
+
+
+@compiled
+def _dot(one: Array, other: Array) -> float:
+    total = 0.0
+    for index in range(len(one)):
+        total += one[index] * other[index]
+    return total
+
+
+@compiled
+def _leave_out(share: Array, values: Array) -> None:
+    """Multiply values (n,) by 1 − s sᵀ."""
+    along = _dot(share, values)
+    for index in range(len(values)):
+        values[index] -= along * share[index]
 
 
 @compiled
@@ -341,10 +376,11 @@ def _linearise(problem: Problem, rotation: Array, translation_m: Array, gram: Ar
 
     The columns are those of a left rotation vector and of a translation, both in `camera`.
     """
-    size, wide = 2 * len(problem.plane), problem.whiten.shape[1]
-    partial, rows = np.zeros((size, 7)), np.zeros((size + 2, 7))
-    for point in range(len(problem.plane)):
-        right, down = problem.plane[point]
+    count, wide = len(problem.plane), problem.whiten.shape[1]
+    size = 2 * count
+    partial, columns = np.empty((7, size)), np.empty((7, size + 2))
+    for point in range(count):
+        right, down = problem.plane[point, 0], problem.plane[point, 1]
         x = rotation[0, 0] * right + rotation[0, 1] * down
         y = rotation[1, 0] * right + rotation[1, 1] * down
         z = rotation[2, 0] * right + rotation[2, 1] * down
@@ -352,33 +388,45 @@ def _linearise(problem: Problem, rotation: Array, translation_m: Array, gram: Ar
         u, v = (x + translation_m[0]) * near, (y + translation_m[1]) * near
         x, y, z = x * near, y * near, z * near
         residual[point, 0], residual[point, 1] = u - problem.rays[point, 0], v - problem.rays[point, 1]
-        across = (-y * u, x * u + z, -y, near, 0.0, -near * u, residual[point, 0])
-        along = (-y * v - z, x * v, x, 0.0, near, -near * v, residual[point, 1])
-        for column in range(7):
-            partial[2 * point, column], partial[2 * point + 1, column] = across[column], along[column]
-    for block in range(len(problem.whiten)):
-        first = block * wide
-        rows[first : first + wide] = problem.whiten[block] @ partial[first : first + wide]
-    if len(problem.common) > 0:
-        rows[:size] -= problem.share @ (problem.common @ rows[:size])
-    x, y, z = rotation[:, 1]
+        first, second = 2 * point, 2 * point + 1
+        partial[0, first], partial[0, second] = -y * u, -y * v - z
+        partial[1, first], partial[1, second] = x * u + z, x * v
+        partial[2, first], partial[2, second] = -y, x
+        partial[3, first], partial[3, second] = near, 0.0
+        partial[4, first], partial[4, second] = 0.0, near
+        partial[5, first], partial[5, second] = -near * u, -near * v
+        partial[6, first], partial[6, second] = residual[point, 0], residual[point, 1]
+    for column in range(7):
+        for row in range(size):
+            block, of_block = row // wide, row % wide
+            total = 0.0
+            for index in range(wide):
+                total += problem.whiten[block, of_block, index] * partial[column, block * wide + index]
+            columns[column, row] = total
+        for kind in range(len(problem.share)):
+            _leave_out(problem.share[kind], columns[column, :size])
+    x, y, z = rotation[0, 1], rotation[1, 1], rotation[2, 1]
     for row in range(2):
-        a, b, c = problem.across[row]
-        tilt = (c * y - b * z, a * z - c * x, b * x - a * y)
-        for column in range(3):
-            rows[size + row, column] = tilt[column]
-        rows[size + row, 6] = a * x + b * y + c * z
-    gram[:] = rows.T @ rows
+        a, b, c = problem.across[row, 0], problem.across[row, 1], problem.across[row, 2]
+        columns[0, size + row], columns[1, size + row] = c * y - b * z, a * z - c * x
+        columns[2, size + row], columns[6, size + row] = b * x - a * y, a * x + b * y + c * z
+        columns[3, size + row] = columns[4, size + row] = columns[5, size + row] = 0.0
+    for i in range(7):
+        for j in range(i + 1):
+            gram[i, j] = gram[j, i] = _dot(columns[i], columns[j])
 
 
 @compiled
-def _inverse(matrix: Array, inverse: Array) -> bool:
-    """Write the inverse of a positive definite matrix (n,n) by its Cholesky factor; False where it is none."""
+def _inverse(matrix: Array, damping: float, inverse: Array) -> bool:
+    """Write the inverse (n,n) of a positive definite matrix's first rows and columns, by its Cholesky factor.
+
+    Its diagonal counts 1 + `damping` times. False where there is no inverse.
+    """
     size = len(inverse)
-    lower, columns = np.zeros((size, size)), np.zeros((size, size))
+    lower, columns = np.empty((size, size)), np.zeros((size, size))
     for i in range(size):
         for j in range(i + 1):
-            total = matrix[i, j]
+            total = matrix[i, j] * (1.0 + damping) if i == j else matrix[i, j]
             for k in range(j):
                 total -= lower[i, k] * lower[j, k]
             if i > j:
@@ -393,7 +441,11 @@ def _inverse(matrix: Array, inverse: Array) -> bool:
             for k in range(j, i):
                 total -= lower[i, k] * columns[k, j]
             columns[i, j] = total / lower[i, i]
-    inverse[:] = columns.T @ columns
+    for i in range(size):
+        for j in range(size):
+            inverse[i, j] = 0.0
+            for k in range(max(i, j), size):
+                inverse[i, j] += columns[k, i] * columns[k, j]
     return True
 
 
@@ -403,8 +455,8 @@ def translate(problem: Problem, rotation: Array, translation_m: Array) -> bool:
     count = len(problem.plane)
     aim_u = aim_v = sum_u = sum_v = scatter = forward = 0.0
     for point in range(count):
-        right, down = problem.plane[point]
-        u, v = problem.rays[point]
+        right, down = problem.plane[point, 0], problem.plane[point, 1]
+        u, v = problem.rays[point, 0], problem.rays[point, 1]
         z = rotation[2, 0] * right + rotation[2, 1] * down
         off_u = u * z - (rotation[0, 0] * right + rotation[0, 1] * down)
         off_v = v * z - (rotation[1, 0] * right + rotation[1, 1] * down)
@@ -423,22 +475,16 @@ def translate(problem: Problem, rotation: Array, translation_m: Array) -> bool:
 
 @compiled
 def _refine(
-    problem: Problem, rotation: Array, translation_m: Array, damping: float, gram: Array, residual: Array
-) -> tuple[bool, Array, Array]:
-    """Levenberg–Marquardt from a start: whether it settles, and the pose; writes what `_linearise` does near it."""
-    inverse, gradient = np.empty((6, 6)), np.empty(6)
-    then, then_residual = np.empty(gram.shape), np.empty(residual.shape)
+    problem: Problem, rotation: Array, translation_m: Array, damping: float
+) -> tuple[bool, Array, Array, Array, Array]:
+    """Levenberg–Marquardt from a start: whether it settles, the pose, and what `_linearise` writes near it."""
+    gram, residual, inverse = np.empty((7, 7)), np.empty(problem.plane.shape), np.empty((6, 6))
+    then, then_residual = np.empty((7, 7)), np.empty(problem.plane.shape)
     _linearise(problem, rotation, translation_m, gram, residual)
     for _ in range(_STEPS):
-        normal = gram[:6, :6].copy()
-        for index in range(6):
-            normal[index, index] *= 1.0 + damping
-            gradient[index] = gram[index, 6]
-        if not _inverse(normal, inverse):
-            return False, rotation, translation_m
-        step = -(inverse @ gradient)
-        turned, shifted = exp_rotation(step[:3], rotation), translation_m + step[3:]
-        promised = -(step @ gradient)
+        if not _inverse(gram, damping, inverse):
+            return False, rotation, translation_m, gram, residual
+        turned, shifted, promised = _stepped(gram, inverse, rotation, translation_m)
         if promised < _GAIN_DONE:
             rotation, translation_m = turned, shifted
             break
@@ -446,35 +492,54 @@ def _refine(
         gained = gram[6, 6] - then[6, 6]
         if gained >= 0.0:
             rotation, translation_m = turned, shifted
-            gram[:], residual[:] = then, then_residual
+            gram, then, residual, then_residual = then, gram, then_residual, residual
         # Near the view where both solutions merge the cost is of fourth order and Gauss–Newton oversteps.
         if gained <= 0.25 * promised:
             damping = min(max(30.0 * damping, _DAMPING), 1e6)
         elif gained > 0.75 * promised:
             damping *= 0.1
-    return bool(math.isfinite(gram[6, 6]) and translation_m[2] > 0.0), rotation, translation_m
+    settled = math.isfinite(gram[6, 6]) and translation_m[2] > 0.0
+    return settled, rotation, translation_m, gram, residual
 
 
 @compiled
-def turned_pose(problem: Problem, rotation: Array, turn: Array, translation_m: Array) -> tuple[bool, Array, float]:
-    """A pose turned by a rotation vector (3,) [rad] in `camera` and refined in all else: the rotation and χ².
+def _stepped(gram: Array, inverse: Array, rotation: Array, translation_m: Array) -> tuple[Array, Array, float]:
+    """The pose after a Newton step −H⁻¹ g, g the last column of `_linearise`; and by how much that lowers χ²."""
+    turn, shifted, promised = np.empty(3), np.empty(3), 0.0
+    for i in range(6):
+        step = 0.0
+        for j in range(6):
+            step -= inverse[i, j] * gram[j, 6]
+        promised -= step * gram[i, 6]
+        if i < 3:
+            turn[i] = step
+        else:
+            shifted[i - 3] = translation_m[i - 3] + step
+    return exp_rotation(turn, rotation), shifted, promised
 
-    Writes the translation; False where nothing solves the corners.
+
+@compiled
+def turned_pose(problem: Problem, rotation: Array, turn: Array) -> tuple[bool, Array, Array, float]:
+    """A pose turned by a rotation vector (3,) [rad] in `camera` and refined in all else: rotation, translation and χ².
+
+    False where nothing solves the corners.
     """
-    turned = exp_rotation(turn, rotation)
+    turned, translation_m = exp_rotation(turn, rotation), np.empty(3)
     if not translate(problem, turned, translation_m):
-        return False, turned, math.inf
+        return False, turned, translation_m, math.inf
     gram, inverse, residual = np.empty((7, 7)), np.empty((6, 6)), np.empty(problem.plane.shape)
     _linearise(problem, turned, translation_m, gram, residual)
-    normal, axis = gram[:6, :6].copy(), turn / math.sqrt(turn @ turn)
-    normal[:3, :3] += _HELD * np.trace(normal) * np.outer(axis, axis)
-    if not _inverse(normal, inverse):
-        return False, turned, math.inf
-    step = -(inverse @ gram[:6, 6].copy())
-    turned = exp_rotation(step[:3], turned)
-    translation_m += step[3:]
+    held = 0.0
+    for i in range(6):
+        held += _HELD * gram[i, i] / _dot(turn, turn)
+    for i in range(3):
+        for j in range(3):
+            gram[i, j] += held * turn[i] * turn[j]
+    if not _inverse(gram, 0.0, inverse):
+        return False, turned, translation_m, math.inf
+    turned, translation_m, _ = _stepped(gram, inverse, turned, translation_m)
     _linearise(problem, turned, translation_m, gram, residual)
-    return bool(math.isfinite(gram[6, 6]) and translation_m[2] > 0.0), turned, gram[6, 6]
+    return math.isfinite(gram[6, 6]) and translation_m[2] > 0.0, turned, translation_m, gram[6, 6]
 
 
 @compiled
@@ -482,24 +547,34 @@ def _conclude(
     problem: Problem, gram: Array, residual: Array, covariance: Array, common: Array, residual_px: Array
 ) -> bool:
     """Write what `Solution` holds of a linearised pose; False when the corners do not determine it."""
-    if not _inverse(gram[:6, :6], covariance):
+    if not _inverse(gram, 0.0, covariance):
         return False
-    size, wide = residual.size, problem.whiten.shape[1]
-    whitened, rays = np.empty(size), residual.reshape(size)
-    for block in range(len(problem.whiten)):
-        first = block * wide
-        whitened[first : first + wide] = problem.whiten[block] @ rays[first : first + wide]
-    residual_px[:] = residual @ problem.to_pixels.T
-    if len(common) > 0:
-        common[:] = -(problem.amplitude @ (problem.common @ whitened))
-        residual_px += (common @ problem.common_px).reshape(-1, 2)
+    kinds, wide, to_pixels = len(common), problem.whiten.shape[1], problem.to_pixels
+    for point in range(len(residual)):
+        u, v = residual[point, 0], residual[point, 1]
+        for axis in range(2):
+            residual_px[point, axis] = u * to_pixels[axis, 0] + v * to_pixels[axis, 1]
+    along = np.zeros(kinds)
+    for row in range(residual.size if kinds > 0 else 0):
+        block, of_block = row // wide, row % wide
+        whitened = 0.0
+        for column in range(wide):
+            place = block * wide + column
+            whitened += problem.whiten[block, of_block, column] * residual[place // 2, place % 2]
+        for kind in range(kinds):
+            along[kind] += problem.common[kind, row] * whitened
+    for kind in range(kinds):
+        common[kind] = -_dot(problem.amplitude[kind], along)
+        for point in range(len(residual)):
+            for axis in range(2):
+                residual_px[point, axis] += common[kind] * problem.common_px[kind, 2 * point + axis]
     return True
 
 
 @compiled
 def exp_rotation(vector: Array, rotation: Array) -> Array:
     """exp(vector) · rotation, (3,3): Rodrigues' formula."""
-    x, y, z = vector
+    x, y, z = vector[0], vector[1], vector[2]
     angle = math.sqrt(x * x + y * y + z * z)
     if angle < 1e-12:
         return rotation.copy()

@@ -158,7 +158,7 @@ def find_regions(
         crop = Window(
             crop.left + window.left, crop.top + window.top, crop.right + window.left, crop.bottom + window.top
         )
-        own = light[top:bottom, left:right] if scale == step else cue_light(image, crop, hue)
+        own = light[top:bottom, left:right].copy() if scale == step else cue_light(image, crop, hue)
         corner = np.array([left, top], np.int32)
         picture = crop.of(image)[::scale, ::scale]
         found += [(contour + corner) * scale for contour in _regions_of(picture, own, outline - corner, parameters)]
