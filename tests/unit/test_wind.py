@@ -7,7 +7,7 @@ from scipy.signal import welch
 from shipland.config import build
 from shipland.rig import Rig
 from shipland.sim.air.airwake import Airwake
-from shipland.sim.air.turbulence import Dryden, TurbulenceParameters, land_scales, sea_roughness_m, step_covariance
+from shipland.sim.air.turbulence import Dryden, Kaimal, TurbulenceParameters, land_scales, sea_roughness_m, step_covariance
 from shipland.sim.air.wind import ShipPlace, SteadyWind, Wind, WindParameters, build_wind
 
 RIG = Rig()
@@ -153,6 +153,33 @@ def test_the_spectrum_is_drydens() -> None:
         band = (wavenumber >= low) & (wavenumber < high)
         # some 58 averages a bin and several bins a band: 8 %; folding from beyond Nyquist adds up to 5 % at the top
         np.testing.assert_allclose(power[band].mean(axis=0), wanted[band].mean(axis=0), rtol=0.2)
+
+
+@pytest.mark.parametrize("surface", ["land_kaimal", "sea_kaimal"])
+def test_the_spectrum_is_kaimals(surface: str) -> None:
+    step_s, mean_mps, height_m = 0.025, 6.0, 1.5
+    keys = {"mean_mps": mean_mps, "surface": surface, "airwake": {"enabled": False}}
+    p = parameters(**keys)
+    friction_mps = 0.4 * mean_mps / np.log(height_m / p.surface_roughness_m)
+    made, scales = Kaimal(np.random.default_rng(3)), p.turbulence_at(height_m)
+    series = np.array([made.step(mean_mps * step_s, scales) for _ in range(100000)])
+    np.testing.assert_allclose(series.std(axis=0), scales.deviations_mps, rtol=0.08)
+    frequency_hz, power = welch(series, 1.0 / step_s, nperseg=4096, axis=0)
+    f = frequency_hz * height_m / mean_mps
+    reduced = frequency_hz[:, None] * power / friction_mps**2
+    wanted = np.column_stack(  # Kaimal et al. 1972
+        [105 * f / (1 + 33 * f) ** (5 / 3), 17 * f / (1 + 9.5 * f) ** (5 / 3), 2.1 * f / (1 + 5.3 * f ** (5 / 3))]
+    )
+    for low, high in ((0.006, 0.02), (0.02, 0.06), (0.06, 0.2), (0.2, 0.6)):  # Nyquist is 5
+        band = (f >= low) & (f < high)
+        # 48 averages a bin; the lowest band has 5 bins, so 6 %; the fit adds 13 %, folding at the top some more
+        np.testing.assert_allclose(reduced[band].mean(axis=0), wanted[band].mean(axis=0), rtol=0.25)
+
+
+def test_kaimals_eddies_end_at_the_lowest_height() -> None:
+    low, lower = (parameters(mean_mps=5.0, surface="land_kaimal").turbulence_at(height_m) for height_m in (0.5, 0.1))
+    assert low == lower
+    assert low.length_vertical_m == 0.5
 
 
 # Land and sea

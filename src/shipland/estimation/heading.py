@@ -29,7 +29,7 @@ class HeadingNoise:
     bar_rad_per_sqrt_s: float = scaled(0.002, "random walk of the bar's heading against its turn")
     turn_rad_s2: float = scaled(0.002, "growth of the uncertainty of the bar's turn [rad/s per √s]")
     compass_rad: float = key(0.05, "standard deviation of one compass reading")
-    pose_rad: float = key(0.01, "least standard deviation of a pose's yaw")
+    pose_rad: float = key(0.001, "least standard deviation of a pose's yaw")
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,7 @@ def build_world(scenario: Scenario, seed: int, grid: Grid = GRID) -> World:
         build_wind(scenario.wind, scenario.rig, rng.wind),
         scenario.start,
         rng.aircraft,
-        scenario.wind.surface == "sea",
+        scenario.wind.at_sea,
         grid,
     )
 

@@ -43,6 +43,9 @@ from shipland.rig import Rig
 
 _POSE_GAP_S = 0.5
 """After a gap this long in the poses, one that leaps is soon believed."""
+_STAMP_S = 0.012
+"""Standard deviation of what the pictures' times are off by after their correction."""
+_TURNED = np.array([[1.0, -1.0], [-1.0, 1.0]])
 _VELOCITY_EVERY_S = 0.06
 """Least time between velocity readings: their noise is coloured, so that closer ones add little."""
 
@@ -84,6 +87,8 @@ class Estimator:
         self._gain_models = self._models_by_gain()
         self._landing = False
         self._velocity_s = self._deck_s = self._showed_s = self._posed_s = -math.inf
+        self._by_nose = False
+        """The newest pose was turned into the axes of the flight by the nose's heading."""
         self._line_of_sight: tuple[float, float] | None = None
         """Time and heading of the newest box; None where a pose came after it."""
         self.seen_s = -math.inf
@@ -173,7 +178,7 @@ class Estimator:
                 self._take_box(t_s, place)
 
     def _take_pose(self, t_s: float, place: SeenPlace) -> None:
-        self._line_of_sight = None
+        self._line_of_sight, self._by_nose = None, place.by_nose
         if t_s - self._showed_s > _POSE_GAP_S:
             self._posed_s = -math.inf
         self._showed_s = t_s
@@ -334,8 +339,10 @@ class Estimator:
     def at_picture(self, t_s: float) -> Estimate | None:
         """The estimate at a picture, in `bar`, for the log and others; None while it or the bar's heading is not known.
 
-        Poses are rotated by the bar's heading and the estimate is rotated back by it, so that its error cancels in the
-        position. Position and yaw come from separate filters; their cross-covariance is taken as zero.
+        Near, poses are rotated by the bar's heading and the estimate is rotated back by it, so that its error cancels
+        in the position; from afar, where they are rotated by the nose's, the error of the yaw remains. What pictures
+        have in common, as an error of their time, is in no innovation, and is added. Position and yaw come from
+        separate filters; their cross-covariance is taken as zero.
         """
         headings = self._headings.now
         if headings is None or not headings.bar_known or self._assumed.ship_mps != 0.0:
@@ -349,6 +356,9 @@ class Estimator:
         place_m, speed_mps, covariance = np.empty(3), np.empty(3), np.zeros((4, 4))
         _in_bar(across, down, self._assumed.wave.bar, bar_rad, place_m, speed_mps, covariance)
         covariance[3, 3] = nose + bar - 2.0 * both
+        covariance[:2, :2] += _STAMP_S**2 * np.outer(speed_mps[:2], speed_mps[:2])
+        if self._by_nose:
+            covariance[:2, :2] += covariance[3, 3] * np.outer(place_m[1::-1], place_m[1::-1]) * _TURNED
         return Estimate(t_s, place_m, wrap_angle(self._headings.nose_at(t_s) - bar_rad), speed_mps, covariance)
 
     def _predicted(self, t_s: float) -> tuple[GaussianState, GaussianState] | None:

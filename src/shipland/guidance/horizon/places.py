@@ -26,12 +26,14 @@ class SeenPlace:
         covariance: (2,2) of it.
         down_m: below the bar's centre.
         down_variance: of it.
+        by_nose: turned into the axes of the flight by the nose's heading; else by the bar's, or by neither.
     """
 
     across_m: Array
     covariance: Array
     down_m: float
     down_variance: float
+    by_nose: bool = False
 
 
 class Places:
@@ -80,7 +82,7 @@ class Places:
         covariance = jacobian @ pose.covariance @ jacobian.T + floor * _EYE
         covariance += (_NOSE_RAD**2) * np.outer(jacobian[:, 3], jacobian[:, 3])
         down_variance = float(pose.covariance[2, 2]) + floor + (ahead_m * _TILT_RAD) ** 2
-        return SeenPlace(np.array([north_m, east_m]), covariance, down_m, down_variance)
+        return SeenPlace(np.array([north_m, east_m]), covariance, down_m, down_variance, by_nose > 0.0)
 
     def of_deck(self, sight: DeckSight, headings: Headings, nose_up_rad: float) -> SeenPlace:
         """The place by a sight of the deck, as if the deck lay at its mean place.

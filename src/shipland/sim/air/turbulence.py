@@ -1,4 +1,4 @@
-"""Turbulence: the Dryden filters, and their scales over land and over the open sea.
+"""Turbulence: the Dryden filters or Kaimal's spectra, and their scales over land and over the open sea.
 
 The turbulence is a frozen field that drifts with the mean wind, as the specification's spectra suppose: the filters
 are driven by the distance flown through the air mass, so that a hovering aircraft meets it at the wind's speed and a
@@ -156,6 +156,43 @@ def _output(state: Array) -> float:
     return float(state[0] + _SQRT3 * (state[1] - state[0]))
 
 
+class Kaimal:
+    """Turbulence with the spectra of a neutral surface layer, in the place of `Dryden`: eddies as large as the height.
+
+    With f = n z/U, n S/u*² is 105 f/(1 + 33 f)^(5/3) along the wind, 17 f/(1 + 9.5 f)^(5/3) across it and
+    2.1 f/(1 + 5.3 f^(5/3)) vertically (Kaimal et al. 1972). Each is a sum of first-order processes, within 3 % along
+    and across and 13 % vertically for f from 0.002 to 10.
+
+    Args:
+        rng: draws the turbulence.
+    """
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._state: Array = rng.standard_normal(_KAIMAL_SHARES.shape)
+
+    def step(self, distance_m: float, scales: Scales) -> tuple[float, float, float]:
+        """See `Dryden.step`; of the scales both lengths are the height."""
+        kept = np.exp(-2.0 * math.pi * _KAIMAL_CORNERS * distance_m / scales.length_vertical_m)
+        self._state = kept * self._state + np.sqrt(1.0 - kept**2) * self._rng.standard_normal(self._state.shape)
+        along, across, down = (_KAIMAL_SHARES * self._state).sum(axis=1).tolist()
+        return along * scales.deviations_mps[0], across * scales.deviations_mps[1], down * scales.deviations_mps[2]
+
+
+_KAIMAL_CORNERS = np.array([0.0063, 0.0302, 0.1445, 0.6918, 3.311, 15.85])
+"""f of the first-order processes."""
+_KAIMAL_VARIANCES = np.array(
+    [
+        [0.392, 2.460, 1.416, 0.320, 0.118, 0.041],
+        [0.010, 0.394, 1.477, 0.576, 0.144, 0.061],
+        [0.000, 0.000, 0.253, 1.126, 0.006, 0.132],
+    ]
+)
+"""(3, n) their variances over u*²: fitted."""
+KAIMAL_DEVIATIONS = tuple(np.sqrt(_KAIMAL_VARIANCES.sum(axis=1)).tolist())
+"""σu, σv, σw over u*."""
+_KAIMAL_SHARES = np.sqrt(_KAIMAL_VARIANCES / _KAIMAL_VARIANCES.sum(axis=1, keepdims=True))
+
 KARMAN = 0.4
 """Von Kármán's constant."""
 
@@ -199,19 +236,16 @@ def sea_roughness_m(charnock: float, mean_mps: float, height_m: float) -> float:
     return roughness_m
 
 
-def sea_deviations_mps(
-    parameters: SeaSurfaceParameters, roughness_m: float, mean_mps: float, height_m: float
+def surface_layer_deviations_mps(
+    parameters: SeaSurfaceParameters, roughness_m: float, mean_mps: float, height_m: float, kaimal: bool = False
 ) -> tuple[float, float, float]:
-    """σu, σv, σw [m/s] where the mean wind is `mean_mps` at `height_m` over a sea of this roughness."""
-    height_m = min(max(height_m, parameters.height_min_m), parameters.height_max_m)
+    """σu, σv, σw [m/s] where the mean wind is `mean_mps` at `height_m` over a surface of this roughness."""
+    height_m = surface_layer_height_m(parameters, height_m)
     friction_mps = KARMAN * mean_mps / math.log(height_m / roughness_m)
-    along, across, vertical = parameters.deviations
+    along, across, vertical = KAIMAL_DEVIATIONS if kaimal else parameters.deviations
     return along * friction_mps, across * friction_mps, vertical * friction_mps
 
 
-def sea_scales(
-    parameters: SeaSurfaceParameters, lengths: Scales, roughness_m: float, mean_mps: float, height_m: float
-) -> Scales:
-    """Deviations over the sea, with the scale lengths of `lengths`."""
-    deviations_mps = sea_deviations_mps(parameters, roughness_m, mean_mps, height_m)
-    return Scales(lengths.length_horizontal_m, lengths.length_vertical_m, deviations_mps)
+def surface_layer_height_m(parameters: SeaSurfaceParameters, height_m: float) -> float:
+    """The height within the surface layer."""
+    return min(max(height_m, parameters.height_min_m), parameters.height_max_m)

@@ -14,12 +14,14 @@ from shipland.rig import Rig
 from shipland.sim.air.airwake import Airwake, AirwakeParameters, Vector
 from shipland.sim.air.turbulence import (
     Dryden,
+    Kaimal,
     Scales,
     SeaSurfaceParameters,
     TurbulenceParameters,
     land_scales,
     sea_roughness_m,
-    sea_scales,
+    surface_layer_deviations_mps,
+    surface_layer_height_m,
 )
 
 MEAN_MPS = (0.0, 30.0)
@@ -112,10 +114,11 @@ class WindParameters:
     from_half_range_deg: float = key(0.0, "drawn evenly within this much either side, once a flight", ge=0, le=180)
     profile: Literal["uniform", "log"] = key("uniform", "the same at every height, or logarithmic", "uniform | log")
     reference_height_m: float = key(6.096, "of `mean_mps` in a logarithmic profile", "20 ft, as MIL-F-8785C", ge=1)
-    surface: Literal["land", "sea"] = key(
+    surface: Literal["land", "sea", "land_kaimal", "sea_kaimal"] = key(
         "land",
         "what the wind blows over",
-        "land: MIL-F-8785C's deviations | sea: a neutral marine surface layer, [wind.sea]",
+        "land: MIL-F-8785C's deviations | sea: a neutral marine surface layer, [wind.sea] | …_kaimal: a surface layer "
+        "over either, with Kaimal's spectra instead of Dryden's",
     )
     roughness_m: float = key(
         0.01, "of the land; Charnock's relation gives the sea's", "mown grass (Stull 1988, fig. 9.6)", gt=0, lt=0.1
@@ -127,10 +130,15 @@ class WindParameters:
     sea: SeaSurfaceParameters = key(SeaSurfaceParameters(), "its strength over the sea")
     airwake: AirwakeParameters = key(AirwakeParameters(), "the superstructure's wake")
 
+    @property
+    def at_sea(self) -> bool:
+        """It blows over the sea."""
+        return self.surface.startswith("sea")
+
     @cached_property
     def surface_roughness_m(self) -> float:
         """Roughness length [m] of the surface that the wind blows over."""
-        if self.surface == "land":
+        if not self.at_sea:
             return self.roughness_m
         return sea_roughness_m(self.sea.charnock, self.mean_mps, self.reference_height_m)
 
@@ -152,7 +160,14 @@ class WindParameters:
         scales = land_scales(self.turbulence, height_m, self.wind_at_20_ft_mps)
         if self.surface == "land":
             return scales
-        return sea_scales(self.sea, scales, self.surface_roughness_m, self.mean_at(height_m), height_m)
+        layer, kaimal = self.sea, self.surface.endswith("_kaimal")
+        deviations_mps = surface_layer_deviations_mps(
+            layer, self.surface_roughness_m, self.mean_at(height_m), height_m, kaimal
+        )
+        if kaimal:
+            within_m = surface_layer_height_m(layer, height_m)
+            return Scales(within_m, within_m, deviations_mps)
+        return Scales(scales.length_horizontal_m, scales.length_vertical_m, deviations_mps)
 
     def readings_at(self, height_m: float) -> WindReadings:
         """What anemometers would read of the wind that is flown at a height, without the ship."""
@@ -182,7 +197,10 @@ class NaturalWind:
         self._parameters = parameters
         towards_rad = math.radians(parameters.from_deg) + math.pi
         self._cos, self._sin = math.cos(towards_rad), math.sin(towards_rad)
-        self._dryden = Dryden(turbulence_rng) if parameters.turbulence.enabled and parameters.mean_mps > 0.0 else None
+        self._turbulence: Dryden | Kaimal | None = None
+        if parameters.turbulence.enabled and parameters.mean_mps > 0.0:
+            made = Kaimal if parameters.surface.endswith("_kaimal") else Dryden
+            self._turbulence = made(turbulence_rng)
         self._airwake = Airwake(parameters.airwake, rig, wake_rng) if parameters.airwake.enabled else None
         self._deck_height_m = rig.deck_height_m
         self._last: tuple[float, Vector] | None = None
@@ -194,9 +212,9 @@ class NaturalWind:
         down = position_in_ned_m[2]
         step_s = t_s - self._last[0] if self._last is not None else 0.0
         along, right, sinking = self._free_stream(t_s, -down)
-        if self._dryden is not None:
+        if self._turbulence is not None:
             distance_m = self._distance(position_in_ned_m, step_s, self._parameters.mean_at(-down))
-            gust = self._dryden.step(distance_m, self._parameters.turbulence_at(-down))
+            gust = self._turbulence.step(distance_m, self._parameters.turbulence_at(-down))
             along, right, sinking = along + gust[0], right + gust[1], sinking + gust[2]
         north, east = along * self._cos - right * self._sin, along * self._sin + right * self._cos
         if self._airwake is not None:
