@@ -29,12 +29,20 @@ STRIDE_MS = 80
 @compiled
 def predicted_covariance(transition: Array, covariance: Array, noise: Array) -> Array:
     """F P Fᵀ + Q of (n,n) matrices; F has few entries, and P is symmetric."""
-    n = len(covariance)
-    moved = np.zeros((n, n))
-    _add_product(moved, transition, covariance)
-    moved, result = moved.T.copy(), noise.copy()
-    _add_product(result, transition, moved)
+    result = np.empty(noise.shape)
+    _write_predicted(result, transition, covariance, noise)
     return result
+
+
+@compiled
+def _write_predicted(result: Array, transition: Array, covariance: Array, noise: Array) -> None:
+    n = len(covariance)
+    moved, across = np.zeros((n, n)), np.empty((n, n))
+    _add_product(moved, transition, covariance)
+    for i in range(n):
+        for j in range(n):
+            across[i, j], result[i, j] = moved[j, i], noise[i, j]
+    _add_product(result, transition, across)
 
 
 @compiled
@@ -127,12 +135,25 @@ def propagate(mean: Array, covariance: Array, way: Way, speed: int, bias: int) -
             after_s = t_s + 1e-3 * step_ms
             given = mean_input(history, count, t_s, after_s)
             for axis in range(axes):
-                own = mean[axis * states : (axis + 1) * states]
-                own[:] = _through(step[0], own) + _through(step[2], given[axis::axes])
+                _step_mean(mean[axis * states : (axis + 1) * states], step, given, axis, axes)
             if turn_rad_s != 0.0:
                 _turn(mean, turn_rad_s, speed, bias, states, 1e-3 * step_ms)
             t_s = after_s
     propagate_covariance(covariance, whole, shares)
+
+
+@compiled
+def _step_mean(own: Array, step: Array, given: Array, axis: int, axes: int) -> None:
+    """The mean of one of so many axes, in place."""
+    states = len(own)
+    before = own.copy()
+    for i in range(states):
+        moved = pushed = 0.0
+        for k in range(states):
+            moved += step[0, i, k] * before[k]
+        for k in range(len(given) // axes):
+            pushed += step[2, i, k] * given[axis + k * axes]
+        own[i] = moved + pushed
 
 
 @compiled
@@ -163,10 +184,12 @@ def propagate_covariance(covariance: Array, step: Array, shares: Array) -> None:
 def compose(first: Array, then: Array, both: Array) -> None:
     """Write the matrices (4,n,n) of two steps, one after the other, over zeros; in the order of `Step`."""
     _add_product(both[0], then[0], first[0])
-    both[1] = predicted_covariance(then[0], first[1], then[1])
-    both[2] = then[2]
+    for i in range(len(first[2])):
+        for j in range(len(first[2])):
+            both[2, i, j] = then[2, i, j]
     _add_product(both[2], then[0], first[2])
-    both[3] = predicted_covariance(then[0], first[3], then[3])
+    for kind in (1, 3):
+        _write_predicted(both[kind], then[0], first[kind], then[kind])
 
 
 @compiled

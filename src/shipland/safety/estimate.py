@@ -319,8 +319,11 @@ def _take_telemetry(
     first = 0
     while first <= last and (now_s - ways[first, 0] > _KEPT_S or last - first + 2 > _ROWS):
         first += 1
-    ways[: last + 1 - first] = ways[first : last + 1].copy()
-    ways[last + 1 - first] = (now_s, north_m, east_m)
+    for row in range(last + 1 - first):
+        for column in range(3):
+            ways[row, column] = ways[first + row, column]
+    newest = ways[last + 1 - first]
+    newest[0], newest[1], newest[2] = now_s, north_m, east_m
     s.ways = last + 2 - first
     if max(abs(roll_rad), abs(pitch_rad)) < _STEEPEST_RAD and not math.isnan(roll_rad + pitch_rad):
         north, east = _turned(-math.tan(pitch_rad), math.tan(roll_rad), s.heading_rad)
@@ -397,9 +400,11 @@ def _take_pose(
     count = 0
     for row in range(int(s.sights)):
         if 0.0 < exposure_s - sights[row, 0] <= _WINDOW_S and count < _ROWS - 1:
-            sights[count] = sights[row].copy()
+            for column in range(5):
+                sights[count, column] = sights[row, column]
             count += 1
-    sights[count] = (exposure_s, ahead_m, right_m, down_m, s.bar_heading_rad)
+    newest = sights[count]
+    newest[0], newest[1], newest[2], newest[3], newest[4] = exposure_s, ahead_m, right_m, down_m, s.bar_heading_rad
     s.sights, s.seen_s, s.pose_s, s.leap_m, s.leapt_s = count + 1, exposure_s, exposure_s, 0.0, math.nan
     _update_reference(s, ways, sights)
     _update_velocity(s)
@@ -451,9 +456,11 @@ def _update_reference(s: Record, ways: Array, sights: Array) -> None:
     squares, slope = 0.0, np.zeros(3)
     for row in rows:
         squares += (row[0] - mean_s) ** 2
-        slope += (row[0] - mean_s) * row[1:4]
-    slope /= squares
-    s.velocity_in_bar_mps[:] = slope
+        for axis in range(3):
+            slope[axis] += (row[0] - mean_s) * row[1 + axis]
+    for axis in range(3):
+        slope[axis] /= squares
+        s.velocity_in_bar_mps[axis] = slope[axis]
     if not own or math.isnan(_travelled(s, ways, rows[0, 0])[0]) or math.isnan(_travelled(s, ways, rows[-1, 0])[0]):
         return
     lasted_s = rows[-1, 0] - rows[0, 0]
