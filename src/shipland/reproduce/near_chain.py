@@ -141,6 +141,7 @@ def plot_near_chain(path: Path, steps: ChainSteps) -> None:
             panels[7].plot(*steps.corners_px.reshape(-1, 2).T, "+", color="#ff3b30", markersize=11, markeredgewidth=1.8)
         for axes in panels:
             axes.set(xlim=extent[:2], ylim=extent[2:], xticks=[], yticks=[])
+            axes.spines[:].set_visible(False)
         if steps.flooded:
             near = _left_end(steps.flooded, extent)
             panels[4].set(xlim=near[:2], ylim=near[2:])

@@ -14,6 +14,8 @@ import numpy as np
 
 from shipland.extras import require
 from shipland.guidance.laws import FarVariant, derivative_gain, exponential_law
+from shipland.reproduce.courses import courses
+from shipland.reproduce.detections import detections
 from shipland.reproduce.far import (
     APPROACHES,
     AXIS_M,
@@ -52,8 +54,8 @@ from shipland.reproduce.touchdowns import PUBLISHED_RUNS, touchdowns
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
 
 FigureName = Literal[
-    "near-chain", "distance-size", "yolo-grid", "roll-law", "far-steps", "far-readings", "derivative-gain",
-    "near-false", "touchdowns",
+    "near-chain", "distance-size", "yolo-grid", "detections", "roll-law", "far-steps", "far-readings",
+    "derivative-gain", "near-false", "courses", "touchdowns",
 ]  # fmt: skip
 
 
@@ -103,6 +105,10 @@ def _progress(words: str) -> None:
 
 def _touchdowns(path: Path, scenario: Scenario, *, runs: int) -> str:  # noqa: ARG001 - one signature for all
     return touchdowns(path, runs, _progress)
+
+
+def _courses(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one signature for all
+    return courses(path, _progress)
 
 
 def _roll_law(path: Path, scenario: Scenario) -> str:
@@ -280,9 +286,11 @@ _FIGURES: dict[str, Callable[[Path, Scenario], str]] = {
     "near-chain": near_chain,
     "distance-size": distance_size,
     "yolo-grid": yolo_grid,
+    "detections": detections,
     "roll-law": _roll_law,
     "far-steps": _far_steps,
     "far-readings": _far_readings,
     "derivative-gain": _derivative_gain,
     "near-false": _near_false,
+    "courses": _courses,
 }
