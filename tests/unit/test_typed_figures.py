@@ -55,6 +55,19 @@ def test_detections_are_those_of_all_scenes():
         assert row[1:] == [every[1], every[3], every[7], every[8]]
 
 
+    clear = next(found for found in rows_below(page, '"table kind=ship group=together') if found[0] == "clear")
+    assert f"(in clear air 0.99 to {clear[7]} m)" in README
+
+
+def test_headline_landings():
+    page = (ROOT / "docs" / "results" / "landings.md").read_text(encoding="utf-8")
+    rows = rows_below(page, "(../../results/headline.json ")
+    rig_tilt, rig_speed, ship_tilt, ship_speed = (row[3].split()[0] for row in rows if row[2] == "9")
+    said = " ".join(README.split())
+    assert f"ours lands {rig_tilt} of 1,250 on the rig over land and {ship_tilt} of 1,250 on the ship" in said
+    assert f"with a tilt; {rig_speed} and {ship_speed} with a speed" in said
+
+
 def test_full_scale_landings():
     page = (ROOT / "docs" / "results" / "full-scale.md").read_text(encoding="utf-8")
     for count in re.findall(r"(\d+) of 100", README):
@@ -104,6 +117,18 @@ def test_the_claims_of_accuracy():
     claim = page("paper-line-by-line")
     assert "as printed the first to 3 m and the second to 7 m" in claim
     assert "the first to 5 m, the second to 10 m" in claim
+
+
+def test_the_claim_of_a_noisy_yaw():
+    """Root mean squares at 2, 5, 10 and 20 m square on, as printed and ours."""
+    texts = []
+    for chain in ("printed", "ours"):
+        rows = {row["range_m"]: row["yaw_deg"] for row in rows_of("printed_vision", chain=chain, angle_deg=0.0)}
+        texts.append([rows[range_m] for range_m in (2.0, 5.0, 10.0, 20.0)])
+    claim = page("paper-line-by-line")
+    near, far = texts[0][:1], texts[0][1:]
+    assert f"{near[0]:.2f}° at 2 m, {far[0]:.1f}° at 5, {far[1]:.1f}° at 10, {far[2]:.0f}° at 20" in claim
+    assert "{:.2f}°, {:.2f}°, {:.1f}° and {:.1f}°".format(*texts[1]) in claim
 
 
 def test_the_claim_of_robustness():

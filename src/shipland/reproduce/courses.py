@@ -60,7 +60,7 @@ def plot_courses(path: Path, logs: Sequence[FlightLog], landings: Sequence[Landi
     """A flight on each course from above, and where all flights first touched the deck."""
     with drawn(path, (12.0, 8.0), _DPI) as figure:
         *panels, pad = figure.subplots(2, 2).ravel()
-        for axes, log, words in zip(panels, logs, COURSES.values(), strict=True):
+        for axes, log, words in zip(panels, logs, COURSES.values(), strict=False):
             draw_above(axes, log, tracks_of(log))
             axes.set_aspect("equal", adjustable="datalim")
             axes.invert_yaxis()

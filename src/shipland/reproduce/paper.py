@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 
@@ -39,6 +39,7 @@ from shipland.reproduce.far import (
 )
 from shipland.reproduce.flight_figures import figures_of_flights
 from shipland.reproduce.geometry import distance_size, yolo_grid
+from shipland.reproduce.names import FigureName
 from shipland.reproduce.near import CONTROLS as DERIVATIVES
 from shipland.reproduce.near import FALSE_AT_S, FALSE_M, NOISE_M, fly_hover, near_figures
 from shipland.reproduce.near_chain import near_chain
@@ -52,11 +53,6 @@ from shipland.reproduce.plots import (
 from shipland.reproduce.ranges import FarTrace
 from shipland.reproduce.touchdowns import PUBLISHED_RUNS, touchdowns
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
-
-FigureName = Literal[
-    "near-chain", "distance-size", "yolo-grid", "detections", "roll-law", "far-steps", "far-readings",
-    "derivative-gain", "near-false", "courses", "touchdowns",
-]  # fmt: skip
 
 
 def run_paper(out: Path, only: FigureName | None, flights: Path | None, runs: int = 0) -> int:
