@@ -82,16 +82,20 @@ def run_paper(out: Path, only: FigureName | None, flights: Path | None, runs: in
     texts = []
     for number, name in enumerate(names, start=1):
         _progress(f"{number} of {len(names)}: {name} …")
-        begun_s, began_s = time.monotonic(), time.time()
+        begun_s, before = time.monotonic(), _written(out)
         texts.append(f"## {name}\n\n{figures[name](out / f'{name}.png', scenario)}\n")
         print(texts[-1], flush=True)
-        for picture in sorted(out.glob("*.png")):
-            if picture.stat().st_mtime >= began_s - 1.0:
-                print(picture)
+        for picture, _ in sorted(_written(out) - before):
+            print(picture)
         _progress(f"{number} of {len(names)}: {name}, {time.monotonic() - begun_s:.0f} s")
     (out / "table.md").write_text("\n".join(texts), encoding="utf-8")
     print(out / "table.md")
     return 0
+
+
+def _written(folder: Path) -> set[tuple[Path, int]]:
+    """The pictures in a folder, each with the time when it was written [ns]."""
+    return {(picture, picture.stat().st_mtime_ns) for picture in folder.glob("*.png")}
 
 
 def _progress(words: str) -> None:
