@@ -3,7 +3,7 @@
 ORDER = tuple(
     """
     lqg_bound turbulence wind_readings scale ship_motions deck_share step_responses tone_errors deck_sights
-    near_readings mirrored oracle_rates printed_vision landing_rule far_wind far_variants threshold follow_deck
+    near_readings mirrored oracle_rates printed_vision landing_rule far_wind far_variants follow_deck
     follow_published varying_speed speed_physics speed_environments speed_link speed_render speed_landings
     speed_near speed_far speed_peers paper_figures pilot_consistency reliability reach spoiled_cue consistency clock
     baselines pose_error film_errors far_vision published_network frigate_recall false_accepts confirmation courses

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # The far detectors as the paper and YOLOv3 have them, but for the width: 2,000 whole pictures of the ship and 1,000 of
 # the bar, shrunk to 416 px, published anchors, decoding and loss, no rounds of what fooled them. Of the width 1.0 a
-# step takes 9 s on a core; with the default width both take an hour and a half of one. Leaves OUT/{ship,bar}.onnx.
+# step takes 11 s of a core; with the default width both take an hour and a half of one. Leaves OUT/{ship,bar}.onnx.
 # Usage: tools/train_published.sh [OUT]   (default out/train-published); WIDTH=1.0 STEPS=20000 on a GPU; MINUTES ends
 # the ship's training in order after so long, the bar's after half of it.
 set -euo pipefail

@@ -54,7 +54,6 @@ def test_detections_are_those_of_all_scenes():
         every = next(found for found in rows_below(page, link) if found[0] == "all")
         assert row[1:] == [every[1], every[3], every[7], every[8]]
 
-
     clear = next(found for found in rows_below(page, '"table kind=ship group=together') if found[0] == "clear")
     assert f"(in clear air 0.99 to {clear[7]} m)" in README
 
@@ -129,6 +128,24 @@ def test_the_claim_of_a_noisy_yaw():
     near, far = texts[0][:1], texts[0][1:]
     assert f"{near[0]:.2f}° at 2 m, {far[0]:.1f}° at 5, {far[1]:.1f}° at 10, {far[2]:.0f}° at 20" in claim
     assert "{:.2f}°, {:.2f}°, {:.1f}° and {:.1f}°".format(*texts[1]) in claim
+
+
+def test_the_claims_of_far_flights_and_of_a_deck_that_is_followed():
+    claim = page("paper-line-by-line")
+    counts = {}
+    for row in rows_of("far", scenario="far"):
+        share = row["success"]
+        interval = f"({100 * share['low']:.0f}–{100 * share['high']:.0f} %)"
+        counts[row["pilot"]] = f"{round(row['square'] * row['flights'])} of {row['flights']} {interval}"
+    assert f"*Ours*: {counts['horizon']}, rendered" in claim
+    assert f"*Printed*: {counts['paper']} with a tilt" in claim
+    printed = [round(row["square"] * row["flights"]) for row in rows_of("far_variants", law="printed")]
+    assert f"word for word: {printed[0]} of 10 (0–31 %), and {printed[1]} of 10" in claim
+    rows = rows_of("follow_published")
+    assert [(round(20 * row["square"]), row["won"], row["lost"]) for row in rows] == [(5, 0, 0), (0, 0, 5)]
+    assert (
+        "5 of 20 (9–49 %) land, followed within 0.5 m as many, from 2 m on none (5 lost, none won, p = 0.06)" in claim
+    )
 
 
 def test_the_claim_of_robustness():
