@@ -148,6 +148,18 @@ def test_the_claims_of_far_flights_and_of_a_deck_that_is_followed():
     )
 
 
+def test_the_claim_of_a_ship_under_way():
+    def sums(settings, pilot, key="square"):
+        found = [rows_of("courses", settings=settings, pilot=pilot, course=it) for it in ("straight", "s", "turn90")]
+        return [sum(round(row[key] * row["flights"]) for row in rows) for rows in found]
+
+    claim, printed = page("paper-line-by-line"), "from 10 m, as printed"
+    assert "from 10 m {}, {} and {} of 27".format(*sums(printed, "paper")) in claim
+    assert "on the deck {}, {} and {};".format(*sums(printed, "paper", "landed")) in claim
+    assert "*Ours*: {}, {} and {} of 27 flights".format(*sums("from 40 m", "horizon")) in claim
+    assert sum(sums("from 40 m", "paper")) == 0
+
+
 def test_the_claim_of_robustness():
     rows = {row["law"]: row for row in rows_of("paper_figures", figure="near", noise_m=0.0, slew="yes")}
     peaks = [round(rows[law]["peak_percent"]) for law in ("linear D", "linear D, Kalman", "probabilistic D, Kalman")]
