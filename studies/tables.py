@@ -137,7 +137,8 @@ def update_pages() -> list[str]:
 
     def one(match: re.Match[str]) -> str:
         right = _asked(match)
-        return match[0] if right is None else match["head"] + right
+        after = "" if match["table"] else "\n"  # a new table ends before what follows
+        return match[0] if right is None else match["head"] + right + after
 
     for page in pages():
         old = page.read_text(encoding="utf-8")

@@ -10,6 +10,8 @@ from pictures import Look, bar_picture, camera_from_bar, project_plane
 from shipland.camera import Camera
 from shipland.frames import CAMERA_FROM_MOUNT
 from shipland.messages import BarPose, Frame, GimbalAttitude, Observation
+from shipland.reproduce.courses import courses
+from shipland.reproduce.detections import detections
 from shipland.reproduce.far import (
     HAND_OVER_M,
     STEP_DEG,
@@ -33,6 +35,7 @@ from shipland.reproduce.ranges import (
 )
 from shipland.reproduce.touchdowns import touchdowns
 from shipland.rig import Rig
+from shipland.scenario.scenario import load_scenario, scenario_table
 from shipland.vision.near.parameters import VisionParameters
 
 RIG = Rig()
@@ -239,3 +242,26 @@ def test_without_the_slew_bound_the_peak_is_sent_whole():
     near = {"derivative": "linear", "filter": "kalman"}
     found = near_figures(fly_hover(near, 0.0, FALSE_M, slew=False), fly_hover(near, 0.0, 0.0, slew=False))
     assert found.sent_percent == pytest.approx(found.peak_percent)
+
+
+def test_courses_are_flown_and_drawn(tmp_path, monkeypatch):
+    monkeypatch.setattr("shipland.reproduce.courses.COURSES", {"turn90": "90° turn"})
+    monkeypatch.setattr("shipland.reproduce.courses.SPEEDS_MPS", (2.5,))
+    monkeypatch.setattr("shipland.reproduce.courses.FROM", ("start.distance_m=12", "start.distance_half_range_m=0"))
+    said = []
+    text = courses(tmp_path / "courses.png", said.append)
+    assert said == ["90° turn, 2.5 m/s"]
+    assert text.splitlines()[-1].startswith("| 90° turn | 1 | 1 |")
+    assert (tmp_path / "courses.png").stat().st_size > 5000
+
+
+def test_the_packaged_detectors_find_both_targets_in_drawn_pictures(tmp_path, monkeypatch):
+    monkeypatch.setattr("shipland.reproduce.detections.DISTANCES_M", (60.0, 2000.0))
+    lines = detections(tmp_path / "detections.png", load_scenario(scenario_table("near"))).splitlines()
+    for near, far, width_px in ((lines[2], lines[3], 29.0), (lines[4], lines[5], 21.7)):
+        _, target, distance_m, wide_px, sure, _ = (cell.strip() for cell in near.split("|"))
+        assert (target, distance_m) in {("ship", "60"), ("bar", "60")}
+        assert float(wide_px) == pytest.approx(width_px, abs=0.5)  # size · 931 px / 60 m; a near stern is larger
+        assert float(sure) > 0.8
+        assert far.endswith("| not found |")
+    assert (tmp_path / "detections.png").stat().st_size > 5000

@@ -108,6 +108,7 @@ MINUTES = (
         "frigate_recall",
         "margins",
         "pilot_consistency",
+        "published_network",
         "speed_far",
         "speed_landings",
     ),

@@ -1,6 +1,7 @@
 """Loss, anchors, scores, and the training run: it learns, resumes bit for bit, and loses nothing."""
 
 import itertools
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,11 +23,13 @@ from shipland.learning.export import write_onnx  # noqa: E402
 from shipland.learning.loss import (  # noqa: E402
     assign,
     complete_iou,
+    decoded_boxes,
     detection_loss,
     fit_anchors,
+    squared_error,
 )
 from shipland.learning.metrics import Tally, match  # noqa: E402
-from shipland.learning.settings import train_parameters  # noqa: E402
+from shipland.learning.settings import LossParameters, TrainParameters, train_parameters  # noqa: E402
 from shipland.learning.windows import DiskWindows, ResidentWindows  # noqa: E402
 from shipland.learning.yolov3 import yolov3_layers  # noqa: E402
 from shipland.vision.far.decode import Decoding, DetectorSpec, decode  # noqa: E402
@@ -100,6 +103,19 @@ def test_right_answers_cost_nothing_and_decode_to_the_target():
     wrong = [item.clone() for item in maps]
     wrong[0][0, 4, 0, 0] = 9.0  # sure of a box where there is none
     assert detection_loss(wrong, targets, WIDE, LOSS)[0].item() > 100 * total.item()
+
+
+def test_squared_error_by_hand_and_of_darknets_decoding_alone():
+    target, anchor, stride = torch.tensor([[20.0, 36.0, 20.0, 5.0]]), torch.tensor([[10.0, 10.0]]), 8
+    raw = torch.tensor([[0.0, 0.0, math.log(2.0), 0.0]])  # the middle of cell (2, 4), twice the anchor's width
+    errors = squared_error(raw, torch.tensor([[2.0, 4.0]]), target, anchor, stride)
+    assert errors[0].tolist() == pytest.approx([0.0, 0.0, 0.0, 0.5 * math.log(2.0) ** 2], abs=1e-6)
+    box = decoded_boxes(raw, torch.tensor([[2.0, 4.0]]), anchor, stride, Decoding.DARKNET)
+    assert box[0].tolist() == pytest.approx([20.0, 36.0, 20.0, 10.0])
+    squared = LossParameters(box_error="squared")
+    assert TrainParameters(decoding=Decoding.DARKNET, loss=squared).loss == squared
+    with pytest.raises(ValueError, match="Darknet's decoding"):
+        TrainParameters(loss=squared)
 
 
 def test_unasked_boxes_are_neither_taught_nor_punished():

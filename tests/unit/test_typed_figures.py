@@ -54,6 +54,18 @@ def test_detections_are_those_of_all_scenes():
         every = next(found for found in rows_below(page, link) if found[0] == "all")
         assert row[1:] == [every[1], every[3], every[7], every[8]]
 
+    clear = next(found for found in rows_below(page, '"table kind=ship group=together') if found[0] == "clear")
+    assert f"(in clear air 0.99 to {clear[7]} m)" in README
+
+
+def test_headline_landings():
+    page = (ROOT / "docs" / "results" / "landings.md").read_text(encoding="utf-8")
+    rows = rows_below(page, "(../../results/headline.json ")
+    rig_tilt, rig_speed, ship_tilt, ship_speed = (row[3].split()[0] for row in rows if row[2] == "9")
+    said = " ".join(README.split())
+    assert f"ours lands {rig_tilt} of 1,250 on the rig over land and {ship_tilt} of 1,250 on the ship" in said
+    assert f"with a tilt; {rig_speed} and {ship_speed} with a speed" in said
+
 
 def test_full_scale_landings():
     page = (ROOT / "docs" / "results" / "full-scale.md").read_text(encoding="utf-8")
@@ -104,6 +116,48 @@ def test_the_claims_of_accuracy():
     claim = page("paper-line-by-line")
     assert "as printed the first to 3 m and the second to 7 m" in claim
     assert "the first to 5 m, the second to 10 m" in claim
+
+
+def test_the_claim_of_a_noisy_yaw():
+    """Root mean squares at 2, 5, 10 and 20 m square on, as printed and ours."""
+    texts = []
+    for chain in ("printed", "ours"):
+        rows = {row["range_m"]: row["yaw_deg"] for row in rows_of("printed_vision", chain=chain, angle_deg=0.0)}
+        texts.append([rows[range_m] for range_m in (2.0, 5.0, 10.0, 20.0)])
+    claim = page("paper-line-by-line")
+    near, far = texts[0][:1], texts[0][1:]
+    assert f"{near[0]:.2f}° at 2 m, {far[0]:.1f}° at 5, {far[1]:.1f}° at 10, {far[2]:.0f}° at 20" in claim
+    assert "{:.2f}°, {:.2f}°, {:.1f}° and {:.1f}°".format(*texts[1]) in claim
+
+
+def test_the_claims_of_far_flights_and_of_a_deck_that_is_followed():
+    claim = page("paper-line-by-line")
+    counts = {}
+    for row in rows_of("far", scenario="far"):
+        share = row["success"]
+        interval = f"({100 * share['low']:.0f}–{100 * share['high']:.0f} %)"
+        counts[row["pilot"]] = f"{round(row['square'] * row['flights'])} of {row['flights']} {interval}"
+    assert f"*Ours*: {counts['horizon']}, rendered" in claim
+    assert f"*Printed*: {counts['paper']} with a tilt" in claim
+    printed = [round(row["square"] * row["flights"]) for row in rows_of("far_variants", law="printed")]
+    assert f"word for word: {printed[0]} of 10 (0–31 %), and {printed[1]} of 10" in claim
+    rows = rows_of("follow_published")
+    assert [(round(20 * row["square"]), row["won"], row["lost"]) for row in rows] == [(5, 0, 0), (0, 0, 5)]
+    assert (
+        "5 of 20 (9–49 %) land, followed within 0.5 m as many, from 2 m on none (5 lost, none won, p = 0.06)" in claim
+    )
+
+
+def test_the_claim_of_a_ship_under_way():
+    def sums(settings, pilot, key="square"):
+        found = [rows_of("courses", settings=settings, pilot=pilot, course=it) for it in ("straight", "s", "turn90")]
+        return [sum(round(row[key] * row["flights"]) for row in rows) for rows in found]
+
+    claim, printed = page("paper-line-by-line"), "from 10 m, as printed"
+    assert "from 10 m {}, {} and {} of 27".format(*sums(printed, "paper")) in claim
+    assert "on the deck {}, {} and {};".format(*sums(printed, "paper", "landed")) in claim
+    assert "*Ours*: {}, {} and {} of 27 flights".format(*sums("from 40 m", "horizon")) in claim
+    assert sum(sums("from 40 m", "paper")) == 0
 
 
 def test_the_claim_of_robustness():

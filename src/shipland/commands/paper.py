@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+
+from shipland.reproduce.names import FigureName
 
 
 @dataclass(frozen=True)
@@ -22,13 +23,7 @@ class Paper:
 
     out: Path = Path("out/paper")
     """Output folder; made when missing."""
-    only: (
-        Literal[
-            "near-chain", "distance-size", "yolo-grid", "roll-law", "far-steps", "far-readings", "derivative-gain",
-            "near-false", "touchdowns",
-        ]
-        | None
-    ) = None  # fmt: skip
+    only: FigureName | None = None
     """One figure instead of all."""
     runs: int = 0
     """Landings of `touchdowns` on each of the paper's two deck motions; it flew 50."""

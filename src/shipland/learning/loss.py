@@ -2,8 +2,9 @@
 
 Darknet's assignment [YOLOv3, §2.1]: the one anchor of nine that overlaps a target best, in the one cell that holds its
 centre. The wide one, for the wide decoding: every anchor within a ratio of the target's sides, in that cell and its
-nearest two neighbours. Boxes are taught by complete IoU [Zheng et al., "Distance-IoU Loss", AAAI 2020], objectness by
-focal cross-entropy [Lin et al., "Focal Loss", ICCV 2017] over all cells but those that may be right by chance.
+nearest two neighbours. Boxes are taught by complete IoU [Zheng et al., "Distance-IoU Loss", AAAI 2020] or by squared
+errors [YOLOv3, §2.1], objectness by focal cross-entropy [Lin et al., "Focal Loss", ICCV 2017], plain as published with
+`focal_power = 0`, over all cells but those that may be right by chance.
 """
 
 from __future__ import annotations
@@ -104,6 +105,21 @@ def complete_iou(a: Tensor, b: Tensor) -> Tensor:
     return iou - distance / diagonal - weight * unlike
 
 
+def squared_error(raw: Tensor, cell: Tensor, target: Tensor, anchors: Tensor, stride: int) -> Tensor:
+    """Half the squared errors (k,4) of Darknet's decoding [YOLOv3, §2.1]: centre in cells, logarithm of the size.
+
+    Args:
+        raw: (k,4) raw numbers.
+        cell: (k,2) columns and rows.
+        target: (k,4) rows (centre, size) [px].
+        anchors: (k,2) [px].
+        stride: of the scale [px].
+    """
+    centre = raw[:, :2].sigmoid() - (target[:, :2] / stride - cell)
+    size = raw[:, 2:] - (target[:, 2:] / anchors).log()
+    return 0.5 * torch.cat([centre, size], -1).square()
+
+
 def detection_loss(
     maps: Sequence[Tensor], targets: Tensor, spec: DetectorSpec, parameters: LossParameters
 ) -> tuple[Tensor, Tensor]:
@@ -133,8 +149,12 @@ def detection_loss(
         if len(work.row):
             mine = cells[work.picture, work.anchor, work.row, work.column]
             cell = torch.stack([work.column, work.row], 1).float()
-            boxes = decoded_boxes(mine[:, :4], cell, anchors_px[scale][work.anchor], STRIDES[scale], spec.decoding)
-            box_loss = box_loss + (1.0 - complete_iou(boxes, work.target[:, 1:])).sum()
+            box, anchors, stride = work.target[:, 1:], anchors_px[scale][work.anchor], STRIDES[scale]
+            if parameters.box_error == "squared":
+                errors = squared_error(mine[:, :4], cell, box, anchors, stride)
+            else:
+                errors = 1.0 - complete_iou(decoded_boxes(mine[:, :4], cell, anchors, stride, spec.decoding), box)
+            box_loss = box_loss + errors.sum()
             kind = functional.one_hot(work.target[:, 0].long(), len(spec.classes)).float()
             kind_loss = kind_loss + functional.binary_cross_entropy_with_logits(mine[:, 5:], kind, reduction="sum")
             goal[work.picture, work.anchor, work.row, work.column] = 1.0

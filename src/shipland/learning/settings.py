@@ -47,10 +47,13 @@ class AugmentParameters:
 class LossParameters:
     """Weights of the loss (`[train.loss]`)."""
 
+    box_error: Literal["complete_iou", "squared"] = key(
+        "complete_iou", "error of a box; squared as published, with darknet decoding", "Zheng et al., AAAI 2020"
+    )
     box: float = key(2.0, "weight of the boxes", ge=0)
     objectness: float = key(1.0, "weight of the objectness", ge=0)
     kind: float = key(0.5, "weight of the kind", ge=0)
-    focal_power: float = key(1.5, "exponent of the focal factor; 0 is plain cross-entropy", ge=0)
+    focal_power: float = key(1.5, "exponent of the focal factor; 0 is plain cross-entropy, as published", ge=0)
     ignore_iou: float = key(
         0.5, "an unassigned cell whose box overlaps a target more is not punished", "[YOLOv3, §2.1]", gt=0, le=1
     )
@@ -96,6 +99,10 @@ class TrainParameters:
 
     def __post_init__(self) -> None:
         require(self.window_px % 32 == 0, "window_px must be a multiple of 32, at least 64")
+        require(
+            self.loss.box_error != "squared" or self.decoding is Decoding.DARKNET,
+            'loss.box_error = "squared" is of Darknet\'s decoding: set decoding = "darknet"',
+        )
 
 
 PROFILES = {

@@ -86,10 +86,11 @@ def plot_touchdowns(path: Path, touchdowns: Touchdowns, rig: Rig, title: str, pa
     """Dots on deck and landing area, with median and largest distance; DataError when it cannot be written."""
     with drawn(path, (6.2, 6.6), parameters.dpi) as figure:
         figure.suptitle(title, fontsize=13, fontweight="bold")
-        _draw_touchdowns(figure.add_subplot(), touchdowns, rig, "")
+        draw_touchdowns(figure.add_subplot(), touchdowns, rig, "")
 
 
-def _draw_touchdowns(axes: Axes, touchdowns: Touchdowns, rig: Rig, title: str) -> None:
+def draw_touchdowns(axes: Axes, touchdowns: Touchdowns, rig: Rig, title: str) -> None:
+    """Dots on deck and landing area, their number, median and largest distance below the title."""
     place_m, landed = touchdowns.place_in_deck_m, touchdowns.landed
     touched = np.isfinite(place_m).all(axis=1)
     draw_pad(axes, rig)
@@ -122,7 +123,7 @@ def plot_cells(cells: Sequence[CellResult]) -> Figure:
         *pads, shares = figure.subplots(1, len(pilots) + 1)
         for pilot, axes in zip(pilots, pads, strict=True):
             landings = [landing for cell in cells if cell.pilot == pilot for landing in cell.landings]
-            _draw_touchdowns(axes, touchdowns_of(landings), cells[0].rig, pilot)
+            draw_touchdowns(axes, touchdowns_of(landings), cells[0].rig, pilot)
         for row, cell in enumerate(cells):
             tally = Tally.of(cell.landings)
             low, high = tally.interval

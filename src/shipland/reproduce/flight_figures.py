@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from shipland.errors import DataError
 from shipland.figures import drawn
 from shipland.frames import Array, Pose
 from shipland.record.reader import FlightLog, read_log
 from shipland.report.landing_plots import Touchdowns, plot_touchdowns
-from shipland.report.palette import GREY, MODE_COLOURS, MODE_NAMES, VERMILION, unit
+from shipland.report.palette import GREY, MODE_COLOURS, MODE_NAMES, VERMILION, Rgb, unit
 from shipland.report.plots import (
     PlotParameters,
     draw_forward,
@@ -122,7 +123,8 @@ def plot_trajectories(path: Path, logs: Sequence[FlightLog], title: str, paramet
         above, beside = figure.subplots(2, 1, height_ratios=[2.2, 1.0])
         tracks = [tracks_of(log) for log in logs]
         for log, track in zip(logs, tracks, strict=True):
-            _draw_tracks(above, beside, log, track)
+            draw_above(above, log, track)
+            _draw_beside(beside, log, track)
         above.set_aspect("equal", adjustable="datalim")
         above.set_title("from above: starboard (downward) over ahead of the ship at the start [m]")
         above.invert_yaxis()
@@ -134,34 +136,45 @@ def plot_trajectories(path: Path, logs: Sequence[FlightLog], title: str, paramet
             beside.set_xticks([-200, -100, -50, -20, -10, -5, 0])
             beside.xaxis.set_major_formatter("{x:g}")
             beside.minorticks_off()
-        _draw_key(above, logs)
+        draw_key(above, logs)
 
 
-def _draw_tracks(above: Axes, beside: Axes, log: FlightLog, track: Tracks) -> None:
+def _stretches(log: FlightLog) -> Iterator[tuple[Rgb, npt.NDArray[np.bool_]]]:
+    """Each mode's colour and the (n,) frames of it; a stretch lasts until the next one's start."""
     modes = log.columns().mode_number[[record.truth is not None for record in log.records]]
     for mode, colour in MODE_COLOURS.items():
         chosen = modes == mode.value
-        if not chosen.any():
-            continue
-        chosen[1:] |= chosen[:-1]  # a stretch lasts until the next one's start
+        if chosen.any():
+            chosen[1:] |= chosen[:-1]
+            yield colour, chosen
+
+
+def draw_above(axes: Axes, log: FlightLog, track: Tracks) -> None:
+    """A flight and the ship from above; a ship under way is drawn every five seconds."""
+    for colour, chosen in _stretches(log):
         place_m = np.where(chosen[:, None], track.aircraft_m, np.nan)
-        distance_m = np.where(chosen, track.distance_m, np.nan)
-        above.plot(place_m[:, 0], place_m[:, 1], color=unit(colour), linewidth=1.0, alpha=0.85)
-        beside.plot(-distance_m, place_m[:, 2], color=unit(colour), linewidth=1.0, alpha=0.85)
+        axes.plot(place_m[:, 0], place_m[:, 1], color=unit(colour), linewidth=1.0, alpha=0.85)
     if track.under_way:
-        above.plot(track.ship_m[:, 0], track.ship_m[:, 1], color=unit(GREY), linewidth=1.0)
+        axes.plot(track.ship_m[:, 0], track.ship_m[:, 1], color=unit(GREY), linewidth=1.0)
         at_s = np.arange(track.t_s[0], track.t_s[-1], _SHIP_EVERY_S)
         squares = [np.interp(at_s, track.t_s, track.ship_m[:, axis]) for axis in (0, 1)]
-        above.plot(*squares, color=unit(VERMILION), marker="s", markersize=3.5, linestyle="none")
+        axes.plot(*squares, color=unit(VERMILION), marker="s", markersize=3.5, linestyle="none")
     else:
-        above.plot(0.0, 0.0, color=unit(VERMILION), marker="s", markersize=6.0, linestyle="none")
-    above.plot(*track.aircraft_m[0, :2], color="#000000", marker=".", markersize=5.0, linestyle="none")
-    landed = log.verdict is not None and log.verdict.success
-    if not landed:
-        above.plot(*track.aircraft_m[-1, :2], color=unit(VERMILION), marker="x", markersize=9.0, markeredgewidth=2.0)
+        axes.plot(0.0, 0.0, color=unit(VERMILION), marker="s", markersize=6.0, linestyle="none")
+    axes.plot(*track.aircraft_m[0, :2], color="#000000", marker=".", markersize=5.0, linestyle="none")
+    if log.verdict is None or not log.verdict.success:
+        axes.plot(*track.aircraft_m[-1, :2], color=unit(VERMILION), marker="x", markersize=9.0, markeredgewidth=2.0)
 
 
-def _draw_key(axes: Axes, logs: Sequence[FlightLog]) -> None:
+def _draw_beside(axes: Axes, log: FlightLog, track: Tracks) -> None:
+    for colour, chosen in _stretches(log):
+        distance_m = np.where(chosen, track.distance_m, np.nan)
+        height_m = np.where(chosen, track.aircraft_m[:, 2], np.nan)
+        axes.plot(-distance_m, height_m, color=unit(colour), linewidth=1.0, alpha=0.85)
+
+
+def draw_key(axes: Axes, logs: Sequence[FlightLog]) -> None:
+    """What the colours and marks of `draw_above` mean."""
     from matplotlib.lines import Line2D
 
     seen = {record.decision.mode for log in logs for record in log.records}

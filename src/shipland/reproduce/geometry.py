@@ -121,6 +121,7 @@ def plot_yolo_grid(path: Path, camera: Camera, rig: Rig) -> None:
             count = side_px // stride
             axes.set_title(f"{count} × {count} × {VALUES}: platform at {distance_m:.0f} m, {wide:.0f} px")
             axes.set(xlim=(-0.5, side_px - 0.5), ylim=(side_px - 0.5, -0.5), aspect="equal", xticks=[], yticks=[])
+            axes.spines[:].set_visible(False)
             if wide < stride:
                 part = 0.5 * _PART_CELLS * stride
                 axes.set(xlim=(middle[0] - part, middle[0] + part), ylim=(middle[1] + part, middle[1] - part))

@@ -120,7 +120,7 @@ def plot_near_chain(path: Path, steps: ChainSteps) -> None:
     shown = _shown(steps)
     extent = (shown.left - 0.5, shown.right - 0.5, shown.bottom - 0.5, shown.top - 0.5)
     picture = np.ascontiguousarray(shown.of(steps.picture)[:, :, ::-1])
-    with drawn(path, (12.0, 3.4), _DPI, grid=False) as figure:
+    with drawn(path, (12.0, 3.0), _DPI, grid=False) as figure:
         panels = figure.subplots(2, 4).ravel()
         masks = (("gate", steps.gated), ("opening", steps.opened), ("closing", steps.closed))
         for axes, (title, mask) in zip(panels[1:4], masks, strict=True):
@@ -141,6 +141,7 @@ def plot_near_chain(path: Path, steps: ChainSteps) -> None:
             panels[7].plot(*steps.corners_px.reshape(-1, 2).T, "+", color="#ff3b30", markersize=11, markeredgewidth=1.8)
         for axes in panels:
             axes.set(xlim=extent[:2], ylim=extent[2:], xticks=[], yticks=[])
+            axes.spines[:].set_visible(False)
         if steps.flooded:
             near = _left_end(steps.flooded, extent)
             panels[4].set(xlim=near[:2], ylim=near[2:])

@@ -8,12 +8,14 @@ import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 
 from shipland.extras import require
 from shipland.guidance.laws import FarVariant, derivative_gain, exponential_law
+from shipland.reproduce.courses import courses
+from shipland.reproduce.detections import detections
 from shipland.reproduce.far import (
     APPROACHES,
     AXIS_M,
@@ -37,6 +39,7 @@ from shipland.reproduce.far import (
 )
 from shipland.reproduce.flight_figures import figures_of_flights
 from shipland.reproduce.geometry import distance_size, yolo_grid
+from shipland.reproduce.names import FigureName
 from shipland.reproduce.near import CONTROLS as DERIVATIVES
 from shipland.reproduce.near import FALSE_AT_S, FALSE_M, NOISE_M, fly_hover, near_figures
 from shipland.reproduce.near_chain import near_chain
@@ -50,11 +53,6 @@ from shipland.reproduce.plots import (
 from shipland.reproduce.ranges import FarTrace
 from shipland.reproduce.touchdowns import PUBLISHED_RUNS, touchdowns
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
-
-FigureName = Literal[
-    "near-chain", "distance-size", "yolo-grid", "roll-law", "far-steps", "far-readings", "derivative-gain",
-    "near-false", "touchdowns",
-]  # fmt: skip
 
 
 def run_paper(out: Path, only: FigureName | None, flights: Path | None, runs: int = 0) -> int:
@@ -84,16 +82,20 @@ def run_paper(out: Path, only: FigureName | None, flights: Path | None, runs: in
     texts = []
     for number, name in enumerate(names, start=1):
         _progress(f"{number} of {len(names)}: {name} …")
-        begun_s, began_s = time.monotonic(), time.time()
+        begun_s, before = time.monotonic(), _written(out)
         texts.append(f"## {name}\n\n{figures[name](out / f'{name}.png', scenario)}\n")
         print(texts[-1], flush=True)
-        for picture in sorted(out.glob("*.png")):
-            if picture.stat().st_mtime >= began_s - 1.0:
-                print(picture)
+        for picture, _ in sorted(_written(out) - before):
+            print(picture)
         _progress(f"{number} of {len(names)}: {name}, {time.monotonic() - begun_s:.0f} s")
     (out / "table.md").write_text("\n".join(texts), encoding="utf-8")
     print(out / "table.md")
     return 0
+
+
+def _written(folder: Path) -> set[tuple[Path, int]]:
+    """The pictures in a folder, each with the time when it was written [ns]."""
+    return {(picture, picture.stat().st_mtime_ns) for picture in folder.glob("*.png")}
 
 
 def _progress(words: str) -> None:
@@ -103,6 +105,10 @@ def _progress(words: str) -> None:
 
 def _touchdowns(path: Path, scenario: Scenario, *, runs: int) -> str:  # noqa: ARG001 - one signature for all
     return touchdowns(path, runs, _progress)
+
+
+def _courses(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one signature for all
+    return courses(path, _progress)
 
 
 def _roll_law(path: Path, scenario: Scenario) -> str:
@@ -280,9 +286,11 @@ _FIGURES: dict[str, Callable[[Path, Scenario], str]] = {
     "near-chain": near_chain,
     "distance-size": distance_size,
     "yolo-grid": yolo_grid,
+    "detections": detections,
     "roll-law": _roll_law,
     "far-steps": _far_steps,
     "far-readings": _far_readings,
     "derivative-gain": _derivative_gain,
     "near-false": _near_false,
+    "courses": _courses,
 }
