@@ -23,6 +23,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 FLIES = re.compile(r"(?:shipland|make) (?:demo|again|fly)\b")
 """Steps whose exit code 1 says where the aircraft landed."""
+IN_WIND = "--scenario steady_wind.toml --pilot paper --bound 0.8"
+"""What is trained."""
 FILM = """
 import av, cv2, numpy as np, shipland, shipland.camera
 scenario = shipland.load_scenario("own_cue.toml", time_limit_s=8.0)
@@ -133,8 +135,9 @@ WALKS = {
         "{wheel}[learn]",
         (
             "shipland example train_sb3.py",
-            "python train_sb3.py --algorithm ppo --steps 8000 --flights 5 --out out/ppo",
-            "python train_sb3.py --algorithm sac --steps 2000 --flights 5 --out out/sac",
+            "shipland example steady_wind.toml",
+            f"python train_sb3.py --algorithm ppo {IN_WIND} --steps 8000 --out out/ppo",
+            f"python train_sb3.py --algorithm sac {IN_WIND} --steps 2000 --out out/sac",
         ),
         "wait for as many steps as it takes to learn",
     ),

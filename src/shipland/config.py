@@ -348,7 +348,7 @@ def unknown_key(name: str, known: Iterable[str], where: str) -> str:
     known = list(known)
     if FORMER.get(name) in known:
         return f"{where}: {name!r} is called {FORMER[name]!r} now"
-    if instead := GONE.get(f"{where.rpartition('.')[2]}.{name}"):
+    if instead := GONE.get(f"{where}.{name}".partition(".")[2]):
         return f"{where}: {name!r} is no key any more; {instead}"
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
     return f"{where}: unknown key {name!r}; " + (f"did you mean {near[0]!r}?" if near else "it takes none")

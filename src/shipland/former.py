@@ -72,6 +72,7 @@ GONE = {
     "guidance.horizon.wave.deck.followed": "a deck below a bar at rest moves by itself",
     "guidance.horizon.wave.followed": "guidance.horizon.wave.deck_shares has a share for each state of the waves",
     "guidance.horizon.wave.followed_servo": "guidance.horizon.wave.deck_shares holds for both kinds of stick",
+    "quad": "a polygon of the cue is one [[rig.polygon]] with corners_m",
     "vision.adaptive": "each region is judged at half of its own peak",
     "vision.adaptive_floor": "each region is judged at half of its own peak",
     "vision.adaptive_hue": "each region is judged at half of its own peak",

@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -30,8 +31,8 @@ from shipland.messages import (
     PilotCommand,
 )
 from shipland.rig import Rig
-from shipland.vehicles.ros2.dds import Node
-from shipland.vehicles.ros2.types import message
+from shipland.vehicles.ros2.dds import Node, _quality
+from shipland.vehicles.ros2.types import message, message_of
 from shipland.vehicles.vehicle import Commanded, Ending, Informed, Real
 from shipland.vehicles.wanted import Wanted
 from waiting import until
@@ -176,6 +177,8 @@ def test_a_landing_is_called_as_a_service() -> None:
                 vehicle.close()
                 answer = f"{vehicle.end_reason.startswith('landed')} {vehicle.end_reason}\n"
                 assert call.communicate(timeout=60.0)[0] == answer
+                land.terminate()
+                assert land.wait(20.0) == 0
             finally:
                 land.kill()
                 call.kill()
@@ -268,6 +271,35 @@ def test_the_result_is_kept_for_those_who_come_later() -> None:
         vehicle.close()
         assert until(lambda: bool(got))
         assert got[-1] == "the flight was ended here; the vehicle holds"
+
+
+def test_a_closed_node_tells_nobody_who_comes_later_what_it_had_told() -> None:
+    from cyclonedds.sub import DataReader
+
+    domain, kind = own_domain(), "std_msgs/msg/String"
+    one, other = Node(domain, local=True), Node(domain, local=True)
+
+    def listener() -> Callable[[], list[str]]:
+        """Takes what has come since."""
+        reader = DataReader(other._participant, other._topic("x", kind)[0], _quality(kind, reliable=True, latched=True))
+        return lambda: [message_of(sample.cdr, kind).data for sample in reader.take(8) if hasattr(sample, "cdr")]
+
+    try:
+        told = one.publisher("x", kind, latched=True)
+        told.send(message(kind, data="landed"))
+        early = listener()
+        assert until(lambda: early() == ["landed"])
+        one.close()
+        told.send(message(kind, data="too late"))
+        assert told.left_out == 1
+        assert not told.heard
+        other.publisher("x", kind, latched=True).send(message(kind, data="another"))
+        late = listener()
+        assert until(lambda: bool(early()))
+        assert until(lambda: bool(got := late()) and got == ["another"])
+    finally:
+        one.close()
+        other.close()
 
 
 def test_looking_without_flying_commands_nothing() -> None:

@@ -1,6 +1,7 @@
 """What was recorded under former names is still read, and a former key is told its new name."""
 
 import dataclasses
+import re
 
 import pytest
 
@@ -53,6 +54,8 @@ def test_every_key_that_is_gone_is_read_past_where_it_stood(gone):
         former, left = {table: former}, {table: left}
     assert key not in today
     assert renamed(former) == left
+    with pytest.raises(ConfigError, match=f"'{key}' is no key any more; {re.escape(GONE[gone])}"):
+        load_scenario("near", **{gone: 1.0})
 
 
 def test_every_new_name_is_one_and_no_former_name_is_used_again():

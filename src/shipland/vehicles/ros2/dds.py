@@ -79,25 +79,35 @@ class Publisher:
     """Writes one topic; made by `Node.publisher`."""
 
     def __init__(self, writer: DataWriter[Any], kind: Any) -> None:  # noqa: ANN401
-        self._writer, self._kind = writer, kind
+        self._writer: DataWriter[Any] | None = writer
+        self._kind = kind
         self.left_out = 0
-        """Messages that a slow listener kept from being sent."""
+        """Messages that a slow listener, or the node's end, kept from being sent."""
 
     @property
     def heard(self) -> bool:
         """Whether anybody listens."""
-        return bool(self._writer.get_matched_subscriptions())
+        writer = self._writer
+        return writer is not None and bool(writer.get_matched_subscriptions())
 
     def send(self, sent: Any) -> None:  # noqa: ANN401 - a message of any type
         """Send a message; never waits for long, and never raises in flight."""
         from cyclonedds.core import DDSException
 
+        writer = self._writer
+        if writer is None:
+            self.left_out += 1
+            return
         sample = self._kind.__new__(self._kind)
         sample.cdr = cdr_of(sent)
         try:
-            self._writer.write(sample)
+            writer.write(sample)
         except DDSException:
             self.left_out += 1
+
+    def close(self) -> None:
+        """Take the topic back, with what it kept for those who come later; what listeners have not got yet goes out."""
+        self._writer = None  # Cyclone's entities end with their objects
 
 
 class Node:
@@ -122,6 +132,7 @@ class Node:
             raise VehicleError(f"DDS cannot be opened in domain {domain}: {error}") from None
         self._waiting = WaitSet(self._participant)
         self._readers: list[tuple[DataReader[Any], str, Callable[[Any], None]]] = []
+        self._publishers: list[Publisher] = []
         self._closed = threading.Event()
         self.malformed = 0
         """Messages that could not be read or taken."""
@@ -133,7 +144,9 @@ class Node:
         from cyclonedds.pub import DataWriter
 
         made, data = self._topic(topic, kind)
-        return Publisher(DataWriter(self._participant, made, _quality(kind, reliable=True, latched=latched)), data)
+        writer = DataWriter(self._participant, made, _quality(kind, reliable=True, latched=latched))
+        self._publishers.append(Publisher(writer, data))
+        return self._publishers[-1]
 
     def subscribe(self, topic: str, kind: str, take: Callable[[Any], None], *, reliable: bool = False) -> None:
         """Have every message of `/topic` handed to `take`, on the node's thread.
@@ -153,10 +166,12 @@ class Node:
         self._waiting.attach(ReadCondition(reader, SampleState.Any | ViewState.Any | InstanceState.Any))
 
     def close(self) -> None:
-        """End; nothing is handed over after this."""
+        """End; nothing is handed over or sent after this, and nothing is kept for those who come later."""
         self._closed.set()
         if self._thread is not threading.current_thread():
             self._thread.join(2.0)
+        for publisher in self._publishers:
+            publisher.close()
         self._readers.clear()
 
     def _topic(self, topic: str, kind: str) -> tuple[Any, Any]:
