@@ -7,7 +7,14 @@ from scipy.signal import welch
 from shipland.config import build
 from shipland.rig import Rig
 from shipland.sim.air.airwake import Airwake
-from shipland.sim.air.turbulence import Dryden, Kaimal, TurbulenceParameters, land_scales, sea_roughness_m, step_covariance
+from shipland.sim.air.turbulence import (
+    Dryden,
+    Kaimal,
+    TurbulenceParameters,
+    land_scales,
+    sea_roughness_m,
+    step_covariance,
+)
 from shipland.sim.air.wind import ShipPlace, SteadyWind, Wind, WindParameters, build_wind
 
 RIG = Rig()
