@@ -194,9 +194,11 @@ def outcome(folder: Path, seed: int) -> dict[str, object]:
     except DataError:
         return row
     handed = [row.truth.t_s for row in log.records if row.truth is not None and HANDED_OVER in row.decision.reason]
-    if log.verdict is None:
+    if log.verdict is None and said[-1] in (row["pace"], row["rest"]):
         row["reason"] = ending(log)
-    elif log.verdict.touched:
+    elif log.verdict is not None:  # the physics may have ended before its last word
+        row |= {"success": log.verdict.success, "reason": log.verdict.reason}
+    if log.verdict is not None and log.verdict.touched:
         row |= {"own_landing_s": round(log.verdict.t_s - handed[0], 1)} if handed else {}
         row["off_m"] = round(float(np.hypot(*log.verdict.touchdown_in_deck_m)), 3)
         row["sink_mps"] = round(float(log.verdict.relative_velocity_in_deck_mps[2]), 3)
