@@ -2,8 +2,8 @@
 # The far detectors as the paper and YOLOv3 have them, but for the width: 2,000 whole pictures of the ship and 1,000 of
 # the bar, shrunk to 416 px, published anchors, decoding and loss, no rounds of what fooled them. Of the width 1.0 a
 # step takes 11 s of a core; with the default width both take an hour and a half of one. Leaves OUT/{ship,bar}.onnx.
-# Usage: tools/train_published.sh [OUT]   (default out/train-published); WIDTH=1.0 STEPS=20000 on a GPU; MINUTES ends
-# the ship's training in order after so long, the bar's after half of it.
+# Usage: tools/train_published.sh [OUT]   (default out/train-published); on a GPU WIDTH=1.0 BATCH=32 STEPS=10000
+# EVERY=1000; MINUTES ends the ship's training in order after so long, the bar's after half of it.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 out=${1:-out/train-published} width=${WIDTH:-0.25} steps=${STEPS:-2500}
@@ -11,7 +11,7 @@ shipland=${SHIPLAND:-.venv/bin/shipland}
 export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 LP_NUM_THREADS=1
 mkdir -p "$out"
 
-cat >"$out/train.toml" <<'TOML'
+cat >"$out/train.toml" <<TOML
 [train]
 decoding = "darknet"
 anchors = "published"
@@ -28,8 +28,8 @@ min_side_px = 2.0
 [train.photos]
 held_out = 0.05
 match_iou = 0.3
-learning_rate = 0.002
-evaluate_every = 200
+learning_rate = 0.001
+evaluate_every = ${EVERY:-200}
 validation_pictures = 100
 [train.photos.augment]
 scale_min = 0.8
@@ -40,6 +40,7 @@ train() { # KIND STEPS SEED MINUTES
     $shipland synth --out "$out/$1-pictures" --kind "$1" --seed "$3"
     if [[ ! -f $out/$1/model-card.md ]]; then # written last
         local more=()
+        [[ -z ${BATCH:-} ]] || more+=(--batch "$BATCH")
         [[ -z ${MINUTES:-} ]] || more+=(--minutes "$4")
         [[ -f $out/$1/last.safetensors ]] && more+=(--resume)
         $shipland train --data "$out/$1-pictures" --out "$out/$1" --profile photos --steps "$2" --width "$width" \

@@ -124,7 +124,7 @@ def _datasets(arguments: TrainArguments) -> Dataset:
 def _windows(arguments: TrainArguments, parameters: TrainParameters, fitting: Dataset, device: torch.device) -> Windows:
     """Windows from the device's memory where it is a GPU and has room, else from disk."""
     resident = arguments.memory == "device"
-    if arguments.memory == "auto" and device.type == "cuda" and not parameters.augment.fit:
+    if arguments.memory == "auto" and device.type == "cuda":
         free, _ = torch.cuda.mem_get_info(device)
         resident = decoded_bytes(fitting) < MOST_OF_MEMORY * free
     if not resident:

@@ -13,12 +13,12 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Protocol
 
+import cv2
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
 
-from shipland.errors import DataError
 from shipland.learning.augment import HARD_JITTER, Loader, training_window
 from shipland.learning.dataset import IGNORED, Dataset, Targets
 from shipland.learning.settings import AugmentParameters, TrainParameters
@@ -84,20 +84,19 @@ class ResidentWindows:
 
     Args:
         dataset: the set.
-        parameters: of training; `augment.fit` is not known here.
+        parameters: of training; where they fit pictures to the window, these are kept already fitted.
         device: that holds the pictures.
         threads: that decode them.
     """
 
     def __init__(self, dataset: Dataset, parameters: TrainParameters, device: torch.device, threads: int) -> None:
-        if parameters.augment.fit:
-            raise DataError("pictures that are fitted to the window are read from disk: give --memory disk")
+        fit_px = parameters.window_px if parameters.augment.fit else None
         self.parameters, self.device = parameters, device
         blocks: dict[tuple[int, ...], tuple[list[Picture], list[Targets]]] = {}
         self._place: list[tuple[tuple[int, ...], int]] = []
         # OpenCV lets go of Python's lock while it decodes.
         with ThreadPoolExecutor(max(1, threads)) as pool:
-            for picture, targets in pool.map(lambda sample: sample.load(), dataset.samples):
+            for picture, targets in pool.map(lambda sample: _fitted(*sample.load(), fit_px), dataset.samples):
                 pictures, rows = blocks.setdefault(picture.shape, ([], []))
                 self._place.append((picture.shape, len(pictures)))
                 pictures.append(picture)
@@ -233,6 +232,18 @@ class ResidentWindows:
         batch = torch.where(flipped[:, None, None, None], batch.flip(3), batch)
         column = torch.where(flipped[:, None], self.parameters.window_px - boxes[..., 1], boxes[..., 1])
         return batch, torch.cat([boxes[..., :1], column[..., None], boxes[..., 2:]], -1)
+
+
+def _fitted(picture: Picture, targets: Targets, side_px: int | None) -> tuple[Picture, Targets]:
+    """Both scaled so that the picture just fits a window of that side; as they are for None."""
+    if side_px is None:
+        return picture, targets
+    height, width = picture.shape[:2]
+    scale = side_px / max(width, height)
+    size = (max(1, round(scale * width)), max(1, round(scale * height)))
+    shrunk = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_LINEAR), np.uint8)
+    sides = np.array([1.0, size[0] / width, size[1] / height, size[0] / width, size[1] / height], np.float32)
+    return shrunk, targets * sides
 
 
 def _clipped(boxes: Tensor, low: Tensor, high: Tensor) -> Tensor:
