@@ -10,6 +10,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from shipland import factories
 from shipland.compiled import say_that_it_compiles
 from shipland.factories import Factory
@@ -141,7 +143,7 @@ def fly(
 
         informed = flown if isinstance(flown, Informed) else None
         if informed is not None:
-            informed.inform_of(scenario.rig)
+            informed.inform_of(scenario.rig, np.array(scenario.camera.position_in_body_m))
 
         def remember(record: FlightRecord) -> None:
             if informed is not None:

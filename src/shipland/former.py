@@ -69,6 +69,7 @@ GONE = {
     "guidance.horizon.levelling.touch_deg": "the odds of a landing hold the tilt at contact",
     "guidance.horizon.levelling.touch_m": "guidance.horizon.descent.touch_m begins the final descent",
     "guidance.horizon.levelling.touch_offset_m": "the odds of a landing hold the offset at contact",
+    "guidance.horizon.measured.flow": "velocity_reference of [response] says what the velocity is against",
     "guidance.horizon.wave.deck.followed": "a deck below a bar at rest moves by itself",
     "guidance.horizon.wave.followed": "guidance.horizon.wave.deck_shares has a share for each state of the waves",
     "guidance.horizon.wave.followed_servo": "guidance.horizon.wave.deck_shares holds for both kinds of stick",

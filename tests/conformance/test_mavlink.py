@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 pytest.importorskip("pymavlink")
@@ -17,7 +18,8 @@ from mavlink_bench import StandIn, bench
 from interrupts import receive
 from shipland import stopping
 from shipland.errors import VehicleError
-from shipland.messages import Intent, PilotCommand
+from shipland.messages import BarPose, Decision, FlightRecord, Intent, Observation, PilotCommand
+from shipland.rig import Rig
 from shipland.stopping import stop_requests
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setup import Engagement
@@ -412,6 +414,14 @@ def test_where_the_autopilot_is_to_land_it_does_once_the_pilot_would(kind: str) 
         assert vehicle.in_command == "shipland"
         assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
         assert autopilot.report()["mode"] == OWN_LANDING[kind]
+        pose = BarPose(np.array([-3.0, 0.0, -1.0]), 0.0, 1e-4 * np.eye(4), 0.1, np.zeros((8, 2)))
+        frame, telemetry = vehicle.read() or (None, None)
+        assert frame is not None
+        assert telemetry is not None
+        vehicle.inform_of(Rig(), np.zeros(3))
+        decision = Decision(PilotCommand.hold(frame.t_s, 0.0), None, "")
+        vehicle.inform(FlightRecord(frame, telemetry, Observation(frame.t_s, frame.gimbal, pose), decision, None))
+        until(lambda: autopilot.report()["counts"].get("LANDING_TARGET") == 1)
         before, turned = set_points(autopilot), autopilot.report()["counts"]["GIMBAL_MANAGER_SET_PITCHYAW"]
         assert fly(vehicle, 1.0, 0.0, 0.0, 100.0, 0.0, intent=Intent.GO_AROUND)  # it is the autopilot's for good
         assert vehicle.in_command == "the autopilot"

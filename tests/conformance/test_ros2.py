@@ -240,7 +240,7 @@ def test_others_are_told_what_is_seen_and_decided() -> None:
         pair = vehicle.read()
         assert pair is not None
         assert pair[0] is not None
-        vehicle.inform_of(Rig())
+        vehicle.inform_of(Rig(), np.zeros(3))
         pose = BarPose(np.array([-3.0, 0.0, 0.0]), 0.0, np.eye(4) * 0.01, 0.1, np.zeros((8, 2)))
         box = Box((30.0, 20.0), (8.0, 4.0), 0.8)
         at_s = pair[0].t_s

@@ -25,10 +25,10 @@ CAMERA_IN_BODY_M = np.array([0.09, 0.0, 0.0])
 HOVER_IN_BAR_M = RIG.deck_in_bar_m - np.array([0.0, 0.0, 1.2])
 
 
-def _flown(bar_down_m=lambda _: 0.0, tilt_rad=0.0, seconds=3.0, within_m=math.inf):
+def _flown(bar_down_m=lambda _: 0.0, tilt_rad=0.0, seconds=3.0, within_m=math.inf, response=ANAFI_LIKE):
     """An estimator after a hover with released sticks that the vehicle holds by a roll."""
     wave = replace(PARAMETERS.horizon.wave, followed_within_m=within_m)
-    estimator = Estimator(replace(PARAMETERS.horizon, wave=wave), ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    estimator = Estimator(replace(PARAMETERS.horizon, wave=wave), response, RIG, CAMERA, CAMERA_IN_BODY_M)
     for index in range(round(30 * seconds)):
         t_s = index / 30.0
         place = HOVER_IN_BAR_M + CAMERA_IN_BODY_M - np.array([0.0, 0.0, bar_down_m(t_s)])
@@ -44,6 +44,15 @@ def test_the_wind_that_a_vehicle_holds_against_by_itself_shows_in_its_tilt():
     wind_mps2 = across.of(WIND) + across.of(GUST)
     assert wind_mps2[1] == pytest.approx(-GRAVITY_MPS2 * math.tan(0.15), abs=0.3)
     assert wind_mps2[0] == pytest.approx(0.0, abs=0.2)
+
+
+def test_a_ship_below_moves_a_velocity_from_optical_flow_and_none_from_gps():
+    shares = [
+        _flown(response=replace(ANAFI_LIKE, velocity_reference=against))._over_ship()
+        for against in ("surface", "ground")
+    ]
+    assert shares[0] > 0.5
+    assert shares[1] == 0.0
 
 
 def test_a_bar_swings_until_it_is_seen_to_stand_still():

@@ -22,7 +22,7 @@ from shipland.vehicles.mavlink.parameters import VehicleLimits  # noqa: E402
 from shipland.vehicles.mavlink.ports import Place  # noqa: E402
 from shipland.vehicles.mavlink.session import Session, advice_on_silence  # noqa: E402
 from shipland.vehicles.mavlink.setpoints import AttitudeTarget, ClimbScale, MavlinkTarget  # noqa: E402
-from shipland.vehicles.mavlink.state import ARDUPILOT, AutopilotState  # noqa: E402
+from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState  # noqa: E402
 from shipland.vehicles.mavlink.telemetry import telemetry_of  # noqa: E402
 from shipland.vehicles.wanted import Wanted  # noqa: E402
 
@@ -313,6 +313,11 @@ def test_limits_are_the_vehicles() -> None:
     limits = VehicleLimits.of(ARDUPILOT, told)
     assert math.degrees(limits.tilt_rad) == pytest.approx(20.0)
     assert limits.climb_scale == ClimbScale(2.5, 1.5)
+    assert limits.velocity_reference == "ground"
+    assert VehicleLimits.of(ARDUPILOT, told | {"EK3_SRC1_VELXY": 5.0}).velocity_reference == "surface"
+    px4 = {"MPC_TILTMAX_AIR": 45.0, "MPC_XY_VEL_MAX": 12.0, "MPC_Z_VEL_MAX_UP": 3.0, "MPC_Z_VEL_MAX_DN": 1.0}
+    assert VehicleLimits.of(PX4, px4).velocity_reference == "ground"
+    assert VehicleLimits.of(PX4, px4 | {"EKF2_GPS_CTRL": 0.0}).velocity_reference == "surface"
     with pytest.raises(VehicleError, match="clear that bit"):
         VehicleLimits.of(ARDUPILOT, told | {"GUID_OPTIONS": 8.0})
     with pytest.raises(VehicleError, match="thrust has no meaning"):

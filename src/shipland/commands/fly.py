@@ -15,11 +15,9 @@ from shipland.errors import DataError
 from shipland.extras import installed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from shipland.api import Flight
     from shipland.commands.terminal import Terminal
-    from shipland.messages import FlightRecord, Mode, Observation
+    from shipland.messages import FlightRecord, Mode
     from shipland.record.live import LiveView
     from shipland.scenario.scenario import Scenario
     from shipland.vehicles.vehicle import Vehicle
@@ -95,10 +93,8 @@ class Fly(ScenarioOptions):
             live = self._live(scenario, vehicle, terminal, stack) if self.live else None
             progress = stack.enter_context(ProgressLine(terminal, vehicle))
             clock = RealTime() if live is not None and vehicle is None else None
-            tell_pad = _teller(vehicle, scenario)
 
             def on_cycle(record: FlightRecord) -> None:
-                tell_pad(record.observation)
                 progress.show(record)
                 if live is not None:
                     live.append(record)
@@ -184,22 +180,6 @@ class Fly(ScenarioOptions):
             vehicle.close()
             raise
         return vehicle
-
-
-def _teller(vehicle: Vehicle | None, scenario: Scenario) -> Callable[[Observation], object]:
-    """Tells an autopilot that lands by itself where the deck is; nothing to any other vehicle."""
-    if vehicle is None or not installed("mavlink"):
-        return lambda _: None
-    import numpy as np
-
-    from shipland.vehicles.mavlink.publish import Mounting, tell
-    from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
-
-    if not (isinstance(vehicle, MavlinkVehicle) and vehicle.tells_pad):
-        return lambda _: None
-    session = vehicle.session
-    mounting = Mounting(np.array(scenario.camera.position_in_body_m), scenario.rig.deck_in_bar_m)
-    return lambda seen: tell(session, seen, mounting)
 
 
 _VIEWER_S = 60.0

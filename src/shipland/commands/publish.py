@@ -80,7 +80,7 @@ def _tell(vehicle: Ros2Vehicle, scenario: Scenario) -> int:
 
     rng = np.random.default_rng(0)  # this vision draws no numbers
     vision = rendered(VisionSetup(scenario, vehicle.camera, vehicle, rng, rng))
-    vehicle.inform_of(scenario.rig)
+    vehicle.inform_of(scenario.rig, np.array(scenario.camera.position_in_body_m))
     count = 0
     while (frame := vehicle.look(2.0)) is not None:
         seen = see_or_degrade(vision, frame)

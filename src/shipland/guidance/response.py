@@ -41,6 +41,9 @@ class Response:
         "gain from the integral of the speed error to acceleration (velocity); 0 where it is not known, and then "
         "the lags below belong to the speed asked for, else to the tilt alone",
     )
+    velocity_reference: Literal["ground", "surface"] = key(
+        "surface", "what its own velocity is against", "ground (GPS) | surface (optical flow, which a ship below moves)"
+    )
     approach_per_s: float = key(0.0, "with an integral: how the speed that is tracked follows the one asked for")
     smoothing_s: float = key(0.0, "likewise")
 

@@ -155,6 +155,7 @@ def response_of(scenario: Scenario) -> Response:
         dead_time_s=0.0 if velocity else tilt_s - rotors_s,
         hold_below_percent=loop.hold_below_percent,
         stick_step_percent=settings.stick_step_percent,
+        velocity_reference=loop.velocity_reference,
     )
 
 

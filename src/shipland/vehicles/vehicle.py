@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from shipland.camera import Camera
+from shipland.frames import Array
 from shipland.messages import FlightRecord, Frame, GroundTruth, PilotCommand, Telemetry, TouchdownVerdict
 
 if TYPE_CHECKING:
@@ -113,8 +114,8 @@ class Commanded(Protocol):
 class Informed(Protocol):
     """A vehicle that passes on what is seen and decided, to whoever listens beside it."""
 
-    def inform_of(self, rig: Rig) -> None:
-        """What is landed on, once before the flight."""
+    def inform_of(self, rig: Rig, camera_in_body_m: Array) -> None:
+        """What is landed on, and the (3,) place of the camera, once before the flight."""
 
     def inform(self, record: FlightRecord) -> None:
         """A cycle; never waits, never raises in flight."""

@@ -280,9 +280,9 @@ class Estimator:
         self._down.adopt(self._assumed.down_model(self._parameters, self._response))
 
     def _over_ship(self) -> float:
-        """Share of ship in the view of the vehicle's optical flow."""
+        """Share of ship in the view of the vehicle's optical flow; 0 where its velocity is over ground."""
         across, down, headings = self._across.estimate, self._down.estimate, self._headings.now
-        if not self._parameters.measured.flow or across is None or down is None or headings is None:
+        if self._response.velocity_reference == "ground" or across is None or down is None or headings is None:
             return 0.0
         over_deck_m = float(self._deck_in_bar_m[2]) - float(down.of(POSITION)[0])
         return ship_in_view(rotated(across.of(POSITION), -headings.bar_rad), over_deck_m, self._hull_m)

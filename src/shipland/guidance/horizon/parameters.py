@@ -41,7 +41,6 @@ class MeasurementNoise:
         0.04, "horizontally, of one that the autopilot itself tracks: its errors are flown"
     )
     use_velocity: bool = key(True, "whether it is used at all")
-    flow: bool = key(True, "it comes from optical flow, and is relative to the ship where the ship is below")
 
 
 @parameters

@@ -56,13 +56,13 @@ class MavlinkParameters(SetpointParameters):
 
 ARDUPILOT_NAMES = (
     "ANGLE_MAX", "ATC_ANGLE_MAX", "WPNAV_SPEED", "WPNAV_SPEED_UP", "WPNAV_SPEED_DN", "WP_SPD", "WP_SPD_UP", "WP_SPD_DN",
-    "GUID_OPTIONS", "GUID_TIMEOUT", "MOT_THST_HOVER", "FENCE_ENABLE",
+    "GUID_OPTIONS", "GUID_TIMEOUT", "MOT_THST_HOVER", "FENCE_ENABLE", "EK3_SRC1_VELXY",
 )  # fmt: skip
 """Read from an ArduPilot; newer ones have other names, in degrees and metres instead of hundredths."""
 
 PX4_NAMES = (
     "MPC_TILTMAX_AIR", "MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN", "MPC_THR_HOVER", "COM_OF_LOSS_T",
-    "GF_ACTION",
+    "GF_ACTION", "EKF2_GPS_CTRL",
 )  # fmt: skip
 """Read from a PX4."""
 
@@ -77,6 +77,9 @@ _REQUIRED = {
 
 _RAW_THRUST_BIT = 8
 """GUID_OPTIONS: SET_ATTITUDE_TARGET carries raw thrust."""
+
+_OPTICAL_FLOW = 5
+"""EK3_SRC1_VELXY: horizontal velocity from optical flow."""
 
 
 def missing_parameters(autopilot: int, values: Mapping[str, float]) -> list[str]:
@@ -93,6 +96,7 @@ class VehicleLimits:
         hover_throttle: 0 … 1; None where it does not say.
         fence: whether its own geofence is on.
         hold_after_s: after the last set-point it holds by itself; NaN where it does not say.
+        velocity_reference: of its estimate of velocity, as in `Response`.
     """
 
     tilt_rad: float
@@ -102,6 +106,7 @@ class VehicleLimits:
     hover_throttle: float | None
     fence: bool
     hold_after_s: float
+    velocity_reference: Literal["ground", "surface"] = "ground"
 
     @staticmethod
     def of(autopilot: int, values: Mapping[str, float]) -> VehicleLimits:
@@ -124,6 +129,7 @@ class VehicleLimits:
                 hover_throttle=values.get("MPC_THR_HOVER"),
                 fence=values.get("GF_ACTION", 0.0) > 0.0,
                 hold_after_s=values.get("COM_OF_LOSS_T", math.nan),
+                velocity_reference="ground" if values.get("EKF2_GPS_CTRL", 1.0) > 0.0 else "surface",
             )
         if int(values["GUID_OPTIONS"]) & _RAW_THRUST_BIT:
             raise VehicleError(
@@ -142,6 +148,7 @@ class VehicleLimits:
             hover_throttle=hover if hover is not None and 0.05 < hover < 0.95 else None,
             fence=values.get("FENCE_ENABLE", 0.0) > 0.0,
             hold_after_s=values.get("GUID_TIMEOUT", math.nan),
+            velocity_reference="surface" if values.get("EK3_SRC1_VELXY") == _OPTICAL_FLOW else "ground",
         )
 
     @property
@@ -164,6 +171,8 @@ def response_within(
 ) -> Response:
     """What full sticks mean: the configured response, within the vehicle's limits, with the lags of `[response.…]`.
 
+    A velocity is over ground unless the vehicle says that it has no GPS, or the table says otherwise.
+
     Args:
         parameters: what full sticks shall mean.
         limits: of the vehicle.
@@ -185,4 +194,5 @@ def response_within(
         "max_climb_mps": min(parameters.max_climb_mps, limits.up_mps, limits.down_mps),
         "max_turn_rad_s": math.radians(parameters.max_turn_deg_s),
     }
-    return build(Response, {**dict(lags), **speeds, **own}, f"response.{kind}")
+    reference = {"velocity_reference": limits.velocity_reference}
+    return build(Response, {**reference, **dict(lags), **speeds, **own}, f"response.{kind}")

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,8 +16,10 @@ from shipland.vehicles.gimbal import gimbal_at
 from shipland.vehicles.mavlink.dialect import Message, dialect
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
-from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
 from shipland.vision.vision import Vision, see_or_degrade
+
+if TYPE_CHECKING:
+    from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
 
 _LEAST_STD_M, _LEAST_STD_RAD = 0.02, 0.01
 """Least standard deviations that are sent: an outlier that is believed costs more than a wait."""

@@ -10,8 +10,10 @@ import time
 
 from shipland.camera import Camera
 from shipland.errors import VehicleError
+from shipland.frames import Array
 from shipland.guidance.response import Response
-from shipland.messages import GimbalAttitude, Intent, PilotCommand, Telemetry
+from shipland.messages import FlightRecord, GimbalAttitude, Intent, PilotCommand, Telemetry
+from shipland.rig import Rig
 from shipland.stopping import uninterrupted
 from shipland.vehicles.address import VehicleSetup
 from shipland.vehicles.checks import Check
@@ -28,6 +30,7 @@ from shipland.vehicles.mavlink.parameters import (
     missing_parameters,
     response_within,
 )
+from shipland.vehicles.mavlink.publish import Mounting, tell
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setpoints import AttitudeTarget, velocity_message
 from shipland.vehicles.mavlink.setup import MavlinkSetup, open_session
@@ -64,6 +67,7 @@ class MavlinkVehicle(SetpointVehicle):
         self._beat_s = self._awake_s = -math.inf
         self._response: Response | None = None
         self._limits: VehicleLimits | None = None
+        self._mounting: Mounting | None = None
 
     # What the loop sees
 
@@ -76,11 +80,6 @@ class MavlinkVehicle(SetpointVehicle):
     def in_command(self) -> str:
         """Who flies: `shipland`, `the pilot (MODE)`, `the autopilot` after the end, or `nobody: WHY`."""
         return "nobody: not connected" if self._session is None else self._control.holder(self._session.state)
-
-    @property
-    def tells_pad(self) -> bool:
-        """Whether the autopilot is to land by itself, on the landing target that it is told."""
-        return self._setup.engagement.own_landing
 
     def response(self) -> Response:
         """What full sticks mean here; known once connected."""
@@ -176,6 +175,15 @@ class MavlinkVehicle(SetpointVehicle):
         late_s = sorted(self._pace.late_s) or [0.0]
         words = f"99 % of the turns within {1e3 * late_s[int(0.99 * (len(late_s) - 1))]:.0f} ms of their time"
         return words if self._pace.preferred else f"{words}; among other processes: CAP_SYS_NICE puts them first"
+
+    def inform_of(self, rig: Rig, camera_in_body_m: Array) -> None:
+        """What it is told of where it lands by itself."""
+        self._mounting = Mounting(camera_in_body_m, rig.deck_in_bar_m)
+
+    def inform(self, record: FlightRecord) -> None:
+        """The landing target, to an autopilot that is to land by itself."""
+        if self._setup.engagement.own_landing and self._mounting is not None:
+            tell(self.session, record.observation, self._mounting)
 
     # Taking and losing the vehicle
 

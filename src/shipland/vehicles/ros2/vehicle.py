@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from shipland.camera import Camera
 from shipland.errors import VehicleError
+from shipland.frames import Array
 from shipland.guidance.response import Response
 from shipland.messages import FlightRecord, GimbalAttitude, Intent, Observation, Telemetry
 from shipland.rig import Rig
@@ -170,7 +171,7 @@ class Ros2Vehicle(SetpointVehicle):
                 words = observation.reason or "the cue's pose is known"
                 self._telling.state("SEE", words, time.monotonic())
 
-    def inform_of(self, rig: Rig) -> None:
+    def inform_of(self, rig: Rig, camera_in_body_m: Array) -> None:  # noqa: ARG002 - poses are of the camera
         """Publish where the deck lies from the cue."""
         if self._telling is not None:
             self._telling.deck_lies(rig.deck_in_bar_m, time.monotonic())
