@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -24,6 +25,7 @@ from shipland.scenario.faults import with_faults
 from shipland.scenario.fly import Flown, flight_info
 from shipland.scenario.scenario import Scenario, load_scenario
 from shipland.scenario.visions import needs_pictures, without_pictures
+from shipland.soundness import is_new
 from shipland.stopping import check_stop, stop_requests
 from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import GroundTruthSource, Informed, Real, Vehicle
@@ -36,6 +38,8 @@ if TYPE_CHECKING:  # one flight that leaves nothing imports neither records nor 
     from shipland.sim.scene.scene import Scene
 
 __all__ = ["Flight", "fly", "load_scenario", "without_pictures"]
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, repr=False)
@@ -145,9 +149,15 @@ def fly(
         if informed is not None:
             informed.inform_of(scenario.rig, np.array(scenario.camera.position_in_body_m))
 
+        of_informing = set[type[Exception]]()
+
         def remember(record: FlightRecord) -> None:
             if informed is not None:
-                informed.inform(record)
+                try:
+                    informed.inform(record)
+                except Exception as error:  # others are told nothing of this cycle; the flight goes on
+                    if is_new(error, of_informing):
+                        _log.exception("nobody was told of the cycle at %.3f s", record.telemetry.t_s)
             if recorder is not None:
                 recorder.append(record)
             records.append(replace(record, frame=replace(record.frame, image=None)))

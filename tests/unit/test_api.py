@@ -16,8 +16,10 @@ from shipland.guidance.pilots import paper
 from shipland.record.info import config_digest
 from shipland.record.reader import read_log
 from shipland.report.palette import BLUE
+from shipland.scenario.autonomy import build_vehicle
 from shipland.scenario.fly import flight_info
 from shipland.scenario.scenario import load_scenario
+from shipland.vehicles.simulated import SimulatedVehicle
 
 SHORT = {"time_limit_s": 2.0}
 
@@ -107,3 +109,23 @@ def test_weights_are_written_down_where_they_fly():
     scenario = load_scenario("near")
     assert flight_info(scenario, "paper", "geometric", 1).weights_digest == ""
     assert len(flight_info(scenario, "paper", "rendered", 1).weights_digest) == 16
+
+
+class Told(SimulatedVehicle):
+    """Tells others, in vain."""
+
+    def inform_of(self, rig, camera_in_body_m):
+        assert camera_in_body_m.shape == (3,)
+        assert rig.deck_in_bar_m.shape == (3,)
+
+    def inform(self, record):
+        raise OSError("the line is down")
+
+
+def test_what_telling_others_raises_is_logged_once_and_the_flight_goes_on(caplog):
+    scenario = load_scenario("near", **SHORT)
+    vehicle = build_vehicle(scenario, 3, None)
+    vehicle.__class__ = Told
+    told = shipland.fly(scenario, seed=3, vehicle=vehicle)
+    assert len(told.records) == len(shipland.fly(scenario, seed=3).records)
+    assert caplog.text.count("nobody was told") == 1

@@ -118,4 +118,4 @@ class Informed(Protocol):
         """What is landed on, and the (3,) place of the camera, once before the flight."""
 
     def inform(self, record: FlightRecord) -> None:
-        """A cycle; never waits, never raises in flight."""
+        """A cycle; never waits. What it raises is logged, and the flight goes on."""
