@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import importlib
 import json
@@ -10,6 +11,7 @@ import signal
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -100,8 +102,29 @@ def load(name: str) -> Study:
     return found
 
 
+def _is_text(node: object) -> bool:
+    """A docstring, of an attribute too."""
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+
+
+def _parsed(node: object) -> object:
+    """A syntax tree as lists, without docstrings and without empty fields, in which versions of Python differ."""
+    if isinstance(node, list):
+        return [_parsed(each) for each in node if not _is_text(each)]
+    if isinstance(node, ast.AST):
+        fields = [(name, _parsed(value)) for name, value in ast.iter_fields(node)]
+        return [type(node).__name__, *(field for field in fields if field[1] not in (None, []))]
+    return node
+
+
+@cache
+def code_digest(source: bytes) -> bytes:
+    """SHA-256 of what Python parses: comments, docstrings and the layout of lines do not count."""
+    return hashlib.sha256(repr(_parsed(ast.parse(source))).encode()).digest()
+
+
 def digest(paths: Sequence[Path]) -> str:
-    """SHA-256 over files, and over the files of folders, with their places in the repository.
+    """SHA-256 over files, and over the files of folders, with their places in the repository; Python by its code.
 
     Raises:
         FileNotFoundError: a path does not exist.
@@ -113,7 +136,9 @@ def digest(paths: Sequence[Path]) -> str:
         files = [path] if path.is_file() else sorted(each for each in path.rglob("*") if each.is_file())
         for file in files:
             if file.suffix != ".pyc":
-                found.update(f"{file.relative_to(ROOT)}\0".encode() + hashlib.sha256(file.read_bytes()).digest())
+                data = file.read_bytes()
+                of_file = code_digest(data) if file.suffix == ".py" else hashlib.sha256(data).digest()
+                found.update(f"{file.relative_to(ROOT)}\0".encode() + of_file)
     return found.hexdigest()[:16]
 
 

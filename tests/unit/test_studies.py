@@ -48,6 +48,38 @@ def test_only_rows_of_this_code_are_kept(study, tmp_path):
     assert harness._rows_kept(path, {"code": "this"}, 4) == []
 
 
+PLAIN = b"LIMIT_M = 0.5\ndef half(given):\n    return given / 2\n"
+
+
+@pytest.mark.parametrize(
+    ("edited", "ages"),
+    [
+        (
+            b'"""Of it."""\nLIMIT_M = 0.5  # m\n"""Most."""\ndef half(given):\n    """See."""\n    return given / 2\n',
+            False,
+        ),
+        (b"LIMIT_M = 0.50\n\n\ndef half(\n    given,\n):\n    return (given / 2)\n", False),
+        (PLAIN.replace(b"/ 2", b"/ 3"), True),
+        (PLAIN.replace(b"0.5", b"None"), True),
+        (PLAIN.replace(b"0.5", b'""'), True),
+        (PLAIN.replace(b"(given)", b"(given=0)"), True),
+        (PLAIN + b"half(1)\n", True),
+    ],
+)
+def test_prose_ages_no_result_and_code_does(edited, ages, tmp_path, monkeypatch):
+    monkeypatch.setattr(harness, "ROOT", tmp_path)
+    path = tmp_path / "measured" / "half.py"
+    path.parent.mkdir()
+    path.write_bytes(PLAIN)
+    before = harness.digest([path.parent])
+    path.write_bytes(edited)
+    assert (harness.digest([path.parent]) != before) == ages
+    (path.parent / "limits.toml").write_text("# a comment\n")
+    with_table = harness.digest([path.parent])
+    (path.parent / "limits.toml").write_text("# another\n")
+    assert harness.digest([path.parent]) != with_table, "what is not Python counts byte by byte"
+
+
 def test_a_study_that_was_stopped_resumes_with_the_missing_cases(study, tmp_path, monkeypatch):
     made, measured = study
 
