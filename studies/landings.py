@@ -29,15 +29,17 @@ from typing import Any
 import numpy as np
 
 from shipland.config import merge, read_toml
+from shipland.evaluation.folder import campaign_key, folder_in
 from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.leaderboard import rests_in_area
 from shipland.evaluation.oracle import oracle_rate
 from shipland.evaluation.suite import combinations, load_suite
 from shipland.frames import Array
+from shipland.record.info import config_digest
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
 from shipland.statistics import Interval, compare
-from studies.harness import ROOT, Case, Column, Row, Study, estimate, share
+from studies.harness import PARTS, ROOT, Case, Column, Row, Study, digest, estimate, share
 
 WORDS = {"attitude": "tilt", "velocity": "speed"}
 """What a stick means, by the kind of the inner loop."""
@@ -124,8 +126,16 @@ def _cells(table: dict[str, Any]) -> Iterator[Cell]:
 
 
 def fly(scenario: Scenario, pilot: str, vision: str, runs: int) -> list[Landing]:
-    """Landings with the seeds 1 … runs."""
-    return [land_quietly(FlightJob(scenario, pilot, vision, seed)) for seed in range(1, runs + 1)]
+    """Landings with the seeds 1 … runs; each is kept in out/studies/flights and flown once for all studies."""
+    key = campaign_key(scenario, pilot, vision)
+    by = key | {"command": "", "version": "", "policies": digest([ROOT / "src" / "shipland" / "weights" / "policies"])}
+    out = PARTS / "flights" / config_digest(by)
+    folder = folder_in(out, key)  # not claimed: whoever flies a seed too appends the same row
+    for seed in range(1, runs + 1):
+        if seed not in folder.done:
+            folder.done[seed] = land_quietly(FlightJob(scenario, pilot, vision, seed))
+            folder.append(folder.done[seed])
+    return [folder.done[seed] for seed in range(1, runs + 1)]
 
 
 def measure(case: Case, runs: int, *, path: Path) -> Row:

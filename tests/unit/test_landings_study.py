@@ -55,8 +55,25 @@ def test_who_never_touches_gains_nothing_by_it():
     assert landings.squares_m2([GOOD, far, NOWHERE]) == pytest.approx([0.0025, 0.34, 0.5])
 
 
-def test_a_row_is_flown():
-    study = harness.load("near_readings")
-    row = study.measure(study.cases()[-1], 1)
-    assert {**study.cases()[-1], **row}.keys() <= study.columns.keys()
-    assert row["flights"] == 1
+def test_a_row_that_was_stopped_resumes_with_the_missing_flight(tmp_path, monkeypatch):
+    """Kept and flown anew it is the same."""
+    monkeypatch.setattr(landings, "PARTS", tmp_path)
+    study, whole, flown = harness.load("near_readings"), landings.land_quietly, []
+    case = study.cases()[-1]
+
+    def land(flight):
+        if flown == [1]:
+            flown.append(None)
+            raise KeyboardInterrupt
+        flown.append(flight.seed)
+        return whole(flight)
+
+    monkeypatch.setattr(landings, "land_quietly", land)
+    with pytest.raises(KeyboardInterrupt):
+        study.measure(case, 2)
+    row = study.measure(case, 2)
+    assert flown == [1, None, 2]
+    assert {**case, **row}.keys() <= study.columns.keys()
+    assert row["flights"] == 2
+    monkeypatch.setattr(landings, "PARTS", tmp_path / "anew")
+    assert study.measure(case, 2) == row

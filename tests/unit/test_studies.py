@@ -157,7 +157,8 @@ MINUTES = (
         if not (harness.CAMPAIGNS / f"{name}.toml").exists()
     ],
 )
-def test_the_smallest_case_of_a_study_runs(name):
+def test_the_smallest_case_of_a_study_runs(name, tmp_path, monkeypatch):
+    monkeypatch.setattr("studies.landings.PARTS", tmp_path)
     study = harness.load(name)
     assert harness.source_of(name, study)
     if name in MINUTES:
