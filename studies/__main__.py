@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
+import os
 import sys
 from typing import Annotated
 
@@ -45,9 +46,13 @@ def main(
         print(listing(chosen))
         return
     for name in chosen:
-        if not cases_where(load(name), wanted):
+        study = load(name)
+        if study.binary and not os.environ.get(study.binary):
+            print(f"studies: {name} is left out: {study.binary} names no binary", file=sys.stderr)
+            continue
+        if not cases_where(study, wanted):
             raise SystemExit(f"studies: no case of {name} has {' and '.join(where)}")
-        if not run(name, load(name), runs, workers, wanted):
+        if not run(name, study, runs, workers, wanted):
             print(f"studies: stopped in {name}; run the command again to resume", file=sys.stderr)
             raise SystemExit(130)
     for page in update_pages():

@@ -67,6 +67,7 @@ class Study:
         picture: draws all rows into a file: docs/pictures/NAME.png.
         helpers: files of studies/ and tests/ that the rows depend on, besides the study's own.
         alone: one case after the other, for measurements of time.
+        binary: environment variable that must name one; without it the study is left out.
     """
 
     question: str
@@ -79,6 +80,7 @@ class Study:
     picture: Callable[[Sequence[Row], Path], None] | None = None
     helpers: tuple[str, ...] = ()
     alone: bool = False
+    binary: str = ""
 
 
 def estimate(value: float, interval: Interval) -> dict[str, float]:

@@ -139,6 +139,7 @@ MINUTES = (
         "far_vision",
         "frigate_recall",
         "margins",
+        "own_landing",
         "pilot_consistency",
         "published_network",
         "speed_far",
