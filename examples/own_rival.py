@@ -4,11 +4,10 @@ shipland fly --pilot own_rival:proportional --vision geometric --set aircraft.lo
 shipland campaign --pilot own_rival:proportional,velocity_matching --runs 100 --set aircraft.loop.kind=velocity
 """
 
-from shipland.guidance.estimate import MeasuredError, NearEstimate
 from shipland.guidance.far import FarTables, far_control
 from shipland.guidance.laws import clamp
 from shipland.guidance.mode_pilot import ModePilot
-from shipland.guidance.near import HOLD, SticksPercent
+from shipland.guidance.near import HOLD, MeasuredError, NearEstimate, SticksPercent
 from shipland.guidance.pilot import Pilot, PilotSetup
 
 GAIN_PER_S, MOST_MPS = 0.5, 1.5

@@ -140,8 +140,7 @@ def draw_ship(axes: Axes, rig: Rig, side: bool) -> None:
 def airwake(out: Path = PICTURES / "airwake.png") -> None:
     """The parametric airwake, from the side and from above."""
     from shipland.figures import drawn
-    from shipland.sim.air.airwake import Airwake
-    from shipland.sim.air.wind import WindParameters
+    from shipland.sim.air.wind import Airwake, WindParameters
 
     rig = Rig()
     wake = Airwake(WindParameters().airwake, rig, np.random.default_rng(0))

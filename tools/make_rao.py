@@ -35,8 +35,7 @@ import tyro
 from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 
-from shipland.sim.ship.rao import ResponseTable
-from shipland.sim.ship.sea import SeaParameters, significant_amplitude
+from shipland.sim.ship.sea import ResponseTable, SeaParameters, significant_amplitude
 
 RHO, G = 1025.0, 9.81
 KNOT_MPS = 0.514444

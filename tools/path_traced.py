@@ -39,8 +39,7 @@ from shipland.messages import Box
 from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
 from shipland.sim.scene.tone import develop
-from shipland.sim.state import SceneState
-from shipland.sim.target_box import NearestBox, target_box
+from shipland.sim.state import NearestBox, SceneState, target_box
 from shipland.statistics import share_interval
 from shipland.vision.far.decode import iou
 from shipland.vision.far.detector import Detector

@@ -22,16 +22,14 @@ from shipland.frames import (
 )
 from shipland.messages import Intent, PilotCommand
 from shipland.rig import Rig
-from shipland.sim.aircraft.aerodynamics import (
+from shipland.sim.aircraft.aircraft import Quadrotor
+from shipland.sim.aircraft.record import Record
+from shipland.sim.aircraft.step import (
     air_force_in_ned_n,
     ground_effect_gain,
     trim_hover,
 )
-from shipland.sim.aircraft.aircraft import Quadrotor
-from shipland.sim.aircraft.record import Record
-from shipland.sim.contact.body import Body
-from shipland.sim.contact.deck_drive import DeckState, deck_values
-from shipland.sim.contact.model import build_model
+from shipland.sim.contact.body import Body, DeckState, build_model, deck_values
 from shipland.sim.ship.ship import Ship, Still, StillCourse
 from shipland.sim.world import STEP_S, World
 from worlds import QUIET, aircraft_parameters, world

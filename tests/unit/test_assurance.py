@@ -25,8 +25,7 @@ from shipland.messages import (
 from shipland.rig import Rig
 from shipland.safety.assurance import Safety, SafetyParameters
 from shipland.safety.monitor import Action, stopping_distance_m
-from shipland.safety.recovery import Recovery, Rung
-from shipland.safety.switch import Switch, next_switch
+from shipland.safety.recovery import Recovery, Rung, Switch, next_switch
 
 PARAMETERS = SafetyParameters()
 TABLE = plain(PARAMETERS)

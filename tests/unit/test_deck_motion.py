@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from shipland.errors import DataError
 from shipland.rig import Rig
-from shipland.sim.ship.deck_motion import DeckMotion, Harmonics, Sinusoids, SixDof, Still
-from shipland.sim.ship.motion_base import LimitedMotion, rig_limits
+from shipland.sim.ship.deck_motion import DeckMotion, Harmonics, LimitedMotion, Sinusoids, SixDof, Still, rig_limits
 from shipland.sim.ship.recorded import HEADER, RecordedMotion, read_motion
 from shipland.sim.ship.ship import ShipParameters
 

@@ -441,7 +441,7 @@ def test_packaged_weights_see_their_target(kind, range_m, rig, camera):
     from shipland.learning.synth import synth_parameters
     from shipland.sim.scene.parameters import SceneParameters
     from shipland.sim.scene.scene import Scene
-    from shipland.sim.target_box import target_box
+    from shipland.sim.state import target_box
 
     parameters = replace(
         synth_parameters(None),

@@ -7,7 +7,8 @@ import pytest
 
 from shipland.frames import Pose
 from shipland.messages import Decision, GimbalAttitude, GroundTruth, Mode, Observation, PilotCommand, Telemetry
-from shipland.scenario.follower import DeckFollower, FollowParameters
+from shipland.scenario.follower import DeckFollower
+from shipland.scenario.scenario import FollowParameters
 
 MAX_TILT_RAD = math.radians(15.0)
 STILL = Pose.identity()

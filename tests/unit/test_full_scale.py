@@ -26,8 +26,7 @@ from shipland.scenario.scenario import load_scenario, scenario_table
 from shipland.sim.scene import frigate, mesh
 from shipland.sim.scene.scene import Scene
 from shipland.sim.ship.ship import build_ship
-from shipland.sim.state import SceneState
-from shipland.sim.target_box import target_box
+from shipland.sim.state import SceneState, target_box
 from worlds import come_down
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -9,9 +9,16 @@ import pytest
 
 from shipland.camera import Camera, camera_pose, level_from_camera
 from shipland.frames import CAMERA_FROM_MOUNT, Pose
-from shipland.geometric.drawn_pose import CornerMeasurement, inside, pose_from_truth, projected, relative_pose
-from shipland.geometric.near import GeometricVision, _down_in_camera
 from shipland.geometric.parameters import GeometricParameters
+from shipland.geometric.vision import (
+    CornerMeasurement,
+    GeometricVision,
+    _down_in_camera,
+    inside,
+    pose_from_truth,
+    projected,
+    relative_pose,
+)
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig
 from shipland.vision.near.covariance import bar_pose_of

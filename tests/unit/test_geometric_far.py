@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from shipland.config import merge
-from shipland.geometric.far import GeometricFar
 from shipland.geometric.parameters import BoxErrors
+from shipland.geometric.vision import GeometricFar
 from shipland.messages import PilotCommand
 from shipland.scenario.autonomy import build_vehicle
 from shipland.scenario.scenario import load_scenario, scenario_table
-from shipland.sim.target_box import target_box
+from shipland.sim.state import target_box
 
 EXACT = BoxErrors((1.0, 400.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipland.estimation.kalman import ScalarKalman, printed_kalman_step
+from shipland.guidance.near import ScalarKalman, printed_kalman_step
 
 Q, R = 0.005, 0.05  # [Lee2022, §Pose Estimation], as read in erratum 1
 

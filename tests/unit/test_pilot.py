@@ -8,7 +8,7 @@ import pytest
 
 from shipland.camera import Camera
 from shipland.frames import rotation_from_euler
-from shipland.guidance.estimate import measure
+from shipland.guidance.near import measure
 from shipland.guidance.parameters import GuidanceParameters
 from shipland.guidance.pilot import PilotSetup
 from shipland.guidance.pilots import horizon, paper

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from shipland.frames import GRAVITY_MPS2
-from shipland.sim.ship.rao import MIRRORED, at_point, frigate
-from shipland.sim.ship.sea import BAND_RAD_S
+from shipland.sim.ship.sea import BAND_RAD_S, MIRRORED, at_point, frigate
 
 TABLE = frigate()
 LONGEST = float(TABLE.omega_rad_s[0])

@@ -13,7 +13,7 @@ from shipland.learning.sensor import degrade, motion_kernel
 from shipland.learning.shots import draw_scene, draw_shot
 from shipland.learning.synth import crop_camera, synth, synth_parameters
 from shipland.sim.scene.scene import Scene
-from shipland.sim.target_box import target_box
+from shipland.sim.state import target_box
 
 
 @pytest.fixture(scope="module")

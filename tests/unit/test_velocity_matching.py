@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from shipland.guidance.estimate import MeasuredError
-from shipland.guidance.near import HOLD
+from shipland.guidance.near import HOLD, MeasuredError
 from shipland.guidance.parameters import VelocityMatchingParameters
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.guidance.rivals.velocity_matching import VelocityMatching

@@ -10,8 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from shipland.config import key, parameters, require
-from shipland.estimation.delayed import DelayedFilter, Inputs
-from shipland.estimation.filter_bank import FilterBank
+from shipland.estimation.delayed import DelayedFilter, FilterBank, Inputs
 from shipland.estimation.relative_state import Model
 from shipland.frames import Array, all_finite
 

@@ -9,9 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from shipland.frames import Array, rotated, rotation_from_euler, wrap_angle
-from shipland.guidance.estimate import MeasuredError, NearEstimate
 from shipland.guidance.laws import PidMemory, clamp, pid_law
-from shipland.guidance.near import HOLD, SticksPercent
+from shipland.guidance.near import HOLD, MeasuredError, NearEstimate, SticksPercent
 from shipland.guidance.response import Response
 from shipland.guidance.simc import LinearGains, NearBaselines, Plant, horizontal_plant, vertical_plant, yaw_plant
 

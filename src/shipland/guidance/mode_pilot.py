@@ -13,12 +13,11 @@ import numpy as np
 
 from shipland.estimation.heading import Compass
 from shipland.frames import wrap_angle
-from shipland.guidance.estimate import NearEstimate, measure
 from shipland.guidance.far import FarControl, FarSight, FarTables, FarTarget
 from shipland.guidance.gimbal import flown_box_elevation_rad, smoothed_rad
 from shipland.guidance.laws import clamp
 from shipland.guidance.modes import INTENTS, ModeMemory, next_mode
-from shipland.guidance.near import HOLD, NearControl, SticksPercent
+from shipland.guidance.near import HOLD, NearControl, NearEstimate, SticksPercent, measure
 from shipland.guidance.pilot import PilotSetup
 from shipland.guidance.references import References
 from shipland.guidance.search import search

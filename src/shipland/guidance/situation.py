@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shipland.frames import Array
-from shipland.guidance.estimate import NearEstimate
 from shipland.guidance.far import FarTables
 from shipland.guidance.modes import ModeMemory, Situation, overruled
+from shipland.guidance.near import NearEstimate
 from shipland.guidance.parameters import ApproachParameters
 from shipland.messages import Box, Mode, Observation, PilotCommand, Telemetry
 

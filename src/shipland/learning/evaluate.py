@@ -35,7 +35,7 @@ from shipland.messages import Box, Frame, GimbalAttitude
 from shipland.progress import followed
 from shipland.rig import Rig
 from shipland.sim.scene.scene import Scene
-from shipland.sim.target_box import NearestBox, target_box
+from shipland.sim.state import NearestBox, target_box
 from shipland.vision.far.decode import iou
 from shipland.vision.far.detector import Detector
 from shipland.vision.far.far import FarVision

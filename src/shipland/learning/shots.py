@@ -15,7 +15,7 @@ from shipland.learning.sensor import ImageSensorParameters
 from shipland.learning.shot import Shot
 from shipland.rig import Rig
 from shipland.sim.scene.parameters import SceneParameters
-from shipland.sim.target_box import target_box
+from shipland.sim.state import target_box
 
 Span = tuple[float, float]
 _CONTRAST_LEFT = 3.0

@@ -34,7 +34,7 @@ from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
 from shipland.progress import followed
 from shipland.rig import Rig
 from shipland.sim.scene.scene import Scene
-from shipland.sim.target_box import NearestBox, target_box
+from shipland.sim.state import NearestBox, target_box
 from shipland.vision.far.parameters import learning_table
 from shipland.workers import run_jobs
 

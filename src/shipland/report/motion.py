@@ -20,8 +20,7 @@ from shipland.scenario.autonomy import drawn_ship
 from shipland.scenario.scenario import Scenario
 from shipland.scenario.seeds import generators_of
 from shipland.sim.air.wind import build_wind
-from shipland.sim.ship.deck_motion import DOF_NAMES
-from shipland.sim.ship.motion_base import rig_limits
+from shipland.sim.ship.deck_motion import DOF_NAMES, rig_limits
 from shipland.sim.ship.recorded import HEADER
 from shipland.sim.ship.sea import significant_amplitude
 

@@ -19,8 +19,7 @@ from shipland.rig import Rig
 from shipland.scenario.scenario import Scenario
 from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
-from shipland.sim.state import SceneState
-from shipland.sim.target_box import NearestBox, target_box
+from shipland.sim.state import NearestBox, SceneState, target_box
 from shipland.vision.far.detector import Detector
 from shipland.vision.far.parameters import DetectorParameters
 from shipland.vision.pictures import Picture

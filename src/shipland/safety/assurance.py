@@ -19,8 +19,7 @@ from shipland.rig import Rig
 from shipland.safety.cue_height import CueHeight, CueHeightParameters
 from shipland.safety.estimate import SafetyEstimate, SafetyEstimator, Vector
 from shipland.safety.monitor import Look, MonitorParameters, Ship, findings
-from shipland.safety.recovery import RecoveryParameters, Rung, sticks_of
-from shipland.safety.switch import Switch, next_switch
+from shipland.safety.recovery import RecoveryParameters, Rung, Switch, next_switch, sticks_of
 
 _LOOK_AHEAD_S = 0.5
 """A descent is stopped so much earlier: the stick's slew, the uplink and the vehicle's braking."""

@@ -17,14 +17,13 @@ from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.pilot import Pilot, PilotSetup
 from shipland.guidance.response import Response
 from shipland.safety.assurance import Safety
-from shipland.scenario.follower import DeckFollower
 from shipland.scenario.scenario import Scenario
 from shipland.scenario.seeds import generators_of
 from shipland.scenario.visions import VisionSetup
 from shipland.sim.air.wind import WindParameters, build_wind, drawn_wind
-from shipland.sim.aircraft.aerodynamics import drag_slope_per_s
 from shipland.sim.aircraft.parameters import AircraftParameters
 from shipland.sim.aircraft.record import Record
+from shipland.sim.aircraft.step import drag_slope_per_s
 from shipland.sim.ship.ship import Ship, build_ship
 from shipland.sim.world import GRID, Grid, World
 from shipland.vehicles.simulated import SimulatedVehicle
@@ -105,6 +104,8 @@ def build_autonomy(
     if scenario.follow.enabled:
         if not isinstance(vehicle, GroundTruthSource):
             raise ConfigError("follow.enabled needs the truth, which only a simulated world knows")
+        from shipland.scenario.follower import DeckFollower  # an ablation: other flights do without
+
         flier = DeckFollower(flier, vehicle, math.radians(scenario.aircraft.settings.max_tilt_deg), scenario.follow)
     sees = factories.resolve("visions", vision)(VisionSetup(scenario, vehicle.camera, vehicle, rng.near, rng.far))
     safety = Safety(scenario.safety, scenario.rig, vehicle.camera, setup.camera_in_body_m, setup.response)

@@ -9,20 +9,12 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from shipland.config import key, parameters
 from shipland.frames import euler_from_rotation
 from shipland.guidance.laws import clamp
 from shipland.guidance.pilot import Pilot
 from shipland.messages import Decision, Mode, Observation, PilotCommand, Telemetry
+from shipland.scenario.scenario import FollowParameters
 from shipland.vehicles.vehicle import GroundTruthSource
-
-
-@parameters
-class FollowParameters:
-    """`[follow]`."""
-
-    enabled: bool = key(False, "whether the deck's attitude is followed")
-    below_m: float = key(0.5, "only while landing lower than this over the deck", "over the deck; chosen", gt=0)
 
 
 class DeckFollower:

@@ -17,16 +17,22 @@ from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor, RigidBodyState, 
 from shipland.sim.aircraft.loops import CENTRED, Sticks
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
 from shipland.sim.aircraft.record import Record, at
-from shipland.sim.aircraft.sensors import Gimbal, LandingDetector, Readings, Senses, read_instruments
+from shipland.sim.aircraft.sensors import (
+    Gimbal,
+    LandingDetector,
+    Readings,
+    Senses,
+    clearance_m,
+    reach_m,
+    read_instruments,
+    set_surface,
+)
 from shipland.sim.aircraft.step import fly_free, sense_once, tick, tick_senses
-from shipland.sim.contact.body import Body
-from shipland.sim.contact.deck_drive import DeckDriver, DeckState, against_deck, deck_in_ned, deck_values
-from shipland.sim.contact.model import build_model
+from shipland.sim.contact.body import Body, DeckDriver, DeckState, against_deck, build_model, deck_in_ned, deck_values
 from shipland.sim.contact.touchdown import NO_TOUCH, Judge, OnDeck, VerdictParameters
 from shipland.sim.ship.ship import Ship, ShipState
 from shipland.sim.snapshot import Snapshot, scene_of, truth_of
 from shipland.sim.state import SceneState
-from shipland.sim.surface import clearance_m, reach_m, set_surface
 
 STEP_S = 0.002
 """Physics step: what MuJoCo's contacts want."""

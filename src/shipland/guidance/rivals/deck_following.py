@@ -8,7 +8,7 @@ there. A Kalman filter for a target of constant velocity gives ė and bridges wh
 [Mellinger2012] Mellinger, Michael, Kumar: Trajectory generation and control for precise aggressive maneuvers with
 quadrotors, IJRR 31(5). Theirs is nonlinear, at 100 Hz by motion capture, with thrust and moments as inputs; here tilt
 or speed and climb rate, at the pictures' rate. None of their figures is reproduced. The tag is idealised: see
-`shipland.geometric.deck`; the drawn deck has markings in its place, which give no attitude.
+`shipland.geometric`; the drawn deck has markings in its place, which give no attitude.
 """
 
 from __future__ import annotations
@@ -18,11 +18,10 @@ import math
 import numpy as np
 
 from shipland.frames import Array
-from shipland.guidance.estimate import NearEstimate
 from shipland.guidance.far import FarControl, FarTables
 from shipland.guidance.laws import clamp
 from shipland.guidance.mode_pilot import ModePilot, PilotState
-from shipland.guidance.near import NearControl, SticksPercent
+from shipland.guidance.near import NearControl, NearEstimate, SticksPercent
 from shipland.guidance.pilot import PilotSetup
 from shipland.guidance.situation import PositionEstimate
 from shipland.messages import DeckSight, Mode, Observation, Telemetry

@@ -20,9 +20,8 @@ import numpy as np
 from shipland.camera import Camera, level_from_camera
 from shipland.cue import Cue
 from shipland.frames import Array, rotation_from_euler
-from shipland.guidance.estimate import MeasuredError, NearEstimate
 from shipland.guidance.laws import clamp
-from shipland.guidance.near import HOLD, SticksPercent
+from shipland.guidance.near import HOLD, MeasuredError, NearEstimate, SticksPercent
 from shipland.guidance.parameters import ImageServoingParameters
 from shipland.guidance.response import Response
 

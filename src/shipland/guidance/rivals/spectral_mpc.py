@@ -21,10 +21,9 @@ import numpy as np
 
 from shipland.extras import require
 from shipland.frames import Array, rotated, rotation_from_euler, wrap_angle
-from shipland.guidance.estimate import MeasuredError, NearEstimate
 from shipland.guidance.laws import clamp
 from shipland.guidance.mode_pilot import ModePilot
-from shipland.guidance.near import HOLD, SticksPercent
+from shipland.guidance.near import HOLD, MeasuredError, NearEstimate, SticksPercent
 from shipland.guidance.parameters import SpectralMpcParameters
 from shipland.guidance.response import Response
 from shipland.guidance.rivals.programme import STEPS, Axis

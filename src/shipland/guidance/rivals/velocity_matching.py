@@ -12,9 +12,8 @@ import math
 import numpy as np
 
 from shipland.frames import Array, rotated, rotation_from_euler, wrap_angle
-from shipland.guidance.estimate import MeasuredError, NearEstimate
 from shipland.guidance.laws import clamp
-from shipland.guidance.near import HOLD, SticksPercent
+from shipland.guidance.near import HOLD, MeasuredError, NearEstimate, SticksPercent
 from shipland.guidance.parameters import VelocityMatchingParameters
 from shipland.guidance.response import Response
 

@@ -6,11 +6,10 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from shipland.factories import resolve
-from shipland.sim.aircraft.aerodynamics import ground_effect_gain, trim_hover
 from shipland.sim.aircraft.loops import AttitudeLoop, InnerLoop, LoopSetup, Sticks, VelocityLoop
 from shipland.sim.aircraft.parameters import AircraftParameters, Shape, Vector
 from shipland.sim.aircraft.record import Record, RigidBodyState, Sensed, Wrench, at
-from shipland.sim.aircraft.rotors import mix_once, turn_once
+from shipland.sim.aircraft.step import ground_effect_gain, mix_once, trim_hover, turn_once
 
 __all__ = ["Aircraft", "Clearance", "Quadrotor", "RigidBodyState", "Wrench", "build_aircraft"]
 

@@ -1,6 +1,6 @@
 """The aircraft as a record: what evolves (`state`) and what does not (`constants`), as named floats [SI, rad].
 
-Every stage of its step is a function over the two, written once: `sensors`, `loop_laws`, `loops`, `rotors`, `step`.
+Every stage of its step is a function over the two, written once: `sensors`, `loops`, `step`.
 Compiled, it flies; run without the compiler (`NUMBA_DISABLE_JIT=1`), it is its own reference, and a test runs both.
 Rotors are a, b, c, d: front right, front left, rear right, rear left. Suffixes n, e, d are axes of `ned`; x, y, z of
 `body`, forward-right-down.

@@ -17,8 +17,19 @@ from shipland.rig import Rig
 from shipland.sim.air.wind import ShipPlace
 from shipland.sim.rotations import rows_of_euler
 from shipland.sim.ship.course import Course, CourseParameters, CourseState, StillCourse, StraightCourse, build_course
-from shipland.sim.ship.deck_motion import DeckMotion, Harmonics, Later, SinusoidParameters, Sinusoids, SixDof, Still
-from shipland.sim.ship.motion_base import LimitBite, LimitedMotion, LimitParameters, rig_limits
+from shipland.sim.ship.deck_motion import (
+    DeckMotion,
+    Harmonics,
+    Later,
+    LimitBite,
+    LimitedMotion,
+    LimitParameters,
+    SinusoidParameters,
+    Sinusoids,
+    SixDof,
+    Still,
+    rig_limits,
+)
 from shipland.sim.ship.sea import SeaParameters, deck_motion
 
 __all__ = [
