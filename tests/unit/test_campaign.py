@@ -16,7 +16,7 @@ from shipland.evaluation import folder as folders
 from shipland.evaluation.campaign import CampaignPlan, open_campaign, processes, read_cells
 from shipland.evaluation.folder import folder_in, read_campaign
 from shipland.evaluation.landing import COLUMNS, Conditions, Landing, Phases, landing_from, row_of
-from shipland.evaluation.rules import rules_table
+from shipland.evaluation.leaderboard import rules_table
 from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of
 from shipland.evaluation.tables import causes_table, landings_table, modes_table, summary_of
 from shipland.rig import Rig

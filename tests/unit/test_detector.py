@@ -18,7 +18,7 @@ from shipland.vision.far.detector import Detector, cut_tile, padded, weights_pat
 from shipland.vision.far.far import FarVision
 from shipland.vision.far.layouts import load_reader
 from shipland.vision.far.parameters import detector_parameters
-from shipland.vision.far.track import log_odds
+from shipland.vision.far.search import log_odds
 
 ANCHORS = (((6.0, 5.0), (9.0, 7.0), (12.0, 12.0)), ((20.0, 14.0), (30.0, 20.0), (40.0, 36.0)), ((60.0, 50.0),) * 3)
 SPEC = DetectorSpec(("ship",), ANCHORS, Decoding.WIDE, 0.125)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipland.guidance.near import ScalarKalman, printed_kalman_step
+from shipland.guidance.near import ScalarKalman
 
 Q, R = 0.005, 0.05  # [Lee2022, §Pose Estimation], as read in erratum 1
 
@@ -71,6 +71,28 @@ def test_not_finite_measurements_change_nothing():
 def test_noises_must_make_sense(process, measurement):
     with pytest.raises(ValueError, match="noise"):
         ScalarKalman(process, measurement)
+
+
+def printed_kalman_step(
+    estimate: float, measurement: float, process_noise: float, measurement_noise: float
+) -> tuple[float, float]:
+    """The equations as printed [Lee2022, §Pose Estimation]; not a Kalman filter (erratum 1).
+
+    PrE = PE + QN; KG = PrE / (PrE + RN); CE = PE + KG · CM. The measurement is added instead of the innovation,
+    so the estimate grows without bound.
+
+    Args:
+        estimate: PE, the previous estimate.
+        measurement: CM.
+        process_noise: RN, 0.005 in the paper, which calls it the process noise.
+        measurement_noise: QN, 0.05.
+
+    Returns:
+        CE, the new estimate, and KG, the gain.
+    """
+    predicted = estimate + measurement_noise
+    gain = predicted / (predicted + process_noise)
+    return estimate + gain * measurement, gain
 
 
 def test_printed_step_by_hand():

@@ -14,9 +14,8 @@ from ports import free_port
 from shipland.errors import ConfigError
 from shipland.scenario.scenario import load_scenario
 from shipland.sim.aircraft.aircraft import RigidBodyState
-from shipland.sitl.px4_link import Px4Link
+from shipland.sitl.px4_link import Px4Link, SimulatedSensors, pressure_hpa
 from shipland.sitl.serving import PhysicsOptions, serve
-from shipland.sitl.simulated_sensors import SimulatedSensors, pressure_hpa
 from shipland.vehicles.mavlink.dialect import dialect
 
 LEVEL = RigidBodyState((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))

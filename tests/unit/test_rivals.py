@@ -12,7 +12,7 @@ from shipland.guidance.near import HOLD, MeasuredError
 from shipland.guidance.parameters import ImageServoingParameters, SpectralMpcParameters
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.guidance.rivals.image_servoing import ImageServoing, _interaction
-from shipland.guidance.rivals.waves import STEP_S, Waves
+from shipland.guidance.rivals.spectral_mpc import STEP_S, Waves
 from shipland.messages import GimbalAttitude
 from shipland.rig import Rig
 from shipland.scenario.fly import fly_quietly
@@ -104,7 +104,7 @@ def test_a_short_motion_is_continued_as_a_line():
 
 def test_a_programme_keeps_its_limits_and_without_numbers_has_no_answer():
     pytest.importorskip("osqp")
-    from shipland.guidance.rivals.programme import STEPS, Axis
+    from shipland.guidance.rivals.spectral_mpc import STEPS, Axis
 
     parameters, target = SpectralMpcParameters(), np.zeros((STEPS, 2))
     axis, state, given, speeds_mps = Axis(0.0, 0.16, 0.3, 2.6, parameters), np.array([-12.0, 0.0, 0.0]), 0.0, []

@@ -156,28 +156,6 @@ class ScalarKalman:
         self._value, self._variance = None, math.inf
 
 
-def printed_kalman_step(
-    estimate: float, measurement: float, process_noise: float, measurement_noise: float
-) -> tuple[float, float]:
-    """The equations as printed [Lee2022, §Pose Estimation]; not a Kalman filter (erratum 1).
-
-    PrE = PE + QN; KG = PrE / (PrE + RN); CE = PE + KG · CM. The measurement is added instead of the innovation,
-    so the estimate grows without bound.
-
-    Args:
-        estimate: PE, the previous estimate.
-        measurement: CM.
-        process_noise: RN, 0.005 in the paper, which calls it the process noise.
-        measurement_noise: QN, 0.05.
-
-    Returns:
-        CE, the new estimate, and KG, the gain.
-    """
-    predicted = estimate + measurement_noise
-    gain = predicted / (predicted + process_noise)
-    return estimate + gain * measurement, gain
-
-
 class SticksPercent(NamedTuple):
     """Percent, -100 … 100: forward, right, up, clockwise positive."""
 

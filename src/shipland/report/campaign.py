@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from shipland.evaluation.landing import Landing
-from shipland.evaluation.rules import rules_table
+from shipland.evaluation.leaderboard import rules_table
 from shipland.evaluation.suite import Cell
 from shipland.evaluation.tables import causes_table, landings_table, modes_table
 from shipland.extras import installed
