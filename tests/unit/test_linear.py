@@ -12,9 +12,9 @@ from shipland.frames import GRAVITY_MPS2, rotation_from_euler
 from shipland.guidance.laws import PidGains, PidMemory, pid_law
 from shipland.guidance.linear import LinearNear
 from shipland.guidance.near import HOLD, MeasuredError
-from shipland.guidance.parameters import GuidanceParameters
+from shipland.guidance.parameters import GuidanceParameters, NearBaselines
 from shipland.guidance.response import ANAFI_LIKE
-from shipland.guidance.simc import NearBaselines, Plant, horizontal_plant, simc_p, simc_pid, vertical_plant, yaw_plant
+from shipland.guidance.simc import Plant, horizontal_plant, simc_p, simc_pid, vertical_plant, yaw_plant
 
 BASELINES = GuidanceParameters().near_baselines
 TILT = ANAFI_LIKE

@@ -5,17 +5,15 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, Protocol
+from typing import Protocol
 
 from shipland.camera import Camera
-from shipland.config import key, parameters
 from shipland.guidance.laws import (
     DerivativeVariant,
     FarGains,
     FarVariant,
     NearGains,
     NearMemory,
-    PidGains,
     PidMemory,
     clamp,
     exponential_law,
@@ -23,10 +21,8 @@ from shipland.guidance.laws import (
     pid_law,
 )
 from shipland.guidance.near import NearParameters, SticksPercent
+from shipland.guidance.parameters import FarBaselines, FarKind, FarParameters
 from shipland.messages import Box
-
-FarKind = Literal["exponential", "p", "pid"]
-
 
 PUBLISHED_CAMERA = Camera.from_fov(1280, 720, 69.0)
 """The camera that Table 1's pixels belong to: 720p stream [Lee2022], 69° (Parrot ANAFI data sheet), f = 931 px."""
@@ -39,29 +35,19 @@ class FarTarget(enum.Enum):
     BAR = "bar"
 
 
-@parameters
-class FarParameters:
-    """`[guidance.ship]`, `[guidance.bar]`: Table 1 for one target, in pixels of the published camera."""
+def _scaled(table: FarParameters, camera: Camera) -> FarParameters:
+    """The same law in angles with the pixels of another camera than the published.
 
-    pitch: FarGains
-    roll: FarGains
-    heave: FarGains
-
-    def scaled(self, camera: Camera) -> FarParameters:
-        """The same law in angles with the pixels of another camera.
-
-        With k the ratio of focal lengths, lengths in the picture grow by k and areas by k²: setpoints grow with them,
-        gains and the exponent's rate shrink, columns and rows count from the principal point.
-        """
-        zoom = camera.focal_px / PUBLISHED_CAMERA.focal_px
-        column_px, row_px = (
-            tuple(float(view.matrix[axis, 2]) for view in (PUBLISHED_CAMERA, camera)) for axis in (0, 1)
-        )
-        return FarParameters(
-            pitch=FarGains(self.pitch.m / zoom**2, self.pitch.a / zoom**2, self.pitch.setpoint * zoom**2, self.pitch.d),
-            roll=_scaled_centre(self.roll, zoom, *column_px),
-            heave=_scaled_centre(self.heave, zoom, *row_px),
-        )
+    With k the ratio of focal lengths, lengths in the picture grow by k and areas by k²: setpoints grow with them,
+    gains and the exponent's rate shrink, columns and rows count from the principal point.
+    """
+    pitch, zoom = table.pitch, camera.focal_px / PUBLISHED_CAMERA.focal_px
+    column_px, row_px = (tuple(float(view.matrix[axis, 2]) for view in (PUBLISHED_CAMERA, camera)) for axis in (0, 1))
+    return FarParameters(
+        pitch=FarGains(pitch.m / zoom**2, pitch.a / zoom**2, pitch.setpoint * zoom**2, pitch.d),
+        roll=_scaled_centre(table.roll, zoom, *column_px),
+        heave=_scaled_centre(table.heave, zoom, *row_px),
+    )
 
 
 def _scaled_centre(gains: FarGains, zoom: float, published_px: float, middle_px: float) -> FarGains:
@@ -79,33 +65,18 @@ class FarTables:
     @staticmethod
     def for_camera(ship: FarParameters, bar: FarParameters, camera: Camera) -> FarTables:
         """From the figures of the published camera."""
-        return FarTables(ship.scaled(camera), bar.scaled(camera))
+        return FarTables(_scaled(ship, camera), _scaled(bar, camera))
 
     def of(self, target: FarTarget) -> FarParameters:
         """The constants for a target."""
         return self.ship if target is FarTarget.SHIP else self.bar
 
 
-@parameters
-class FarBaselines:
-    """`[guidance.far_baselines]`: the linear laws that the far law is compared with, in roll and heave.
-
-    [Lee2022, §Long-range Tracking Controller] has linear laws without gains.
-    """
-
-    match_px: float = key(
-        100.0, "P and the exponential law give the same stick at this error", "chosen: near full stick", gt=0
-    )
-    roll: PidGains = key(
-        PidGains(0.75, 6.0, 1.5), "linear PID, percent per px, s", "Ziegler and Nichols at 100 m: docs/results/paper.md"
-    )
-    heave: PidGains = key(PidGains(7.8, 2.75, 0.69), "likewise", "likewise")
-
-    def scaled(self, camera: Camera) -> FarBaselines:
-        """The same laws in angles with the pixels of another camera."""
-        zoom = camera.focal_px / PUBLISHED_CAMERA.focal_px
-        roll, heave = (replace(gains, k_p=gains.k_p / zoom) for gains in (self.roll, self.heave))
-        return FarBaselines(self.match_px * zoom, roll, heave)
+def _scaled_baselines(baselines: FarBaselines, camera: Camera) -> FarBaselines:
+    """The same laws in angles with the pixels of another camera."""
+    zoom = camera.focal_px / PUBLISHED_CAMERA.focal_px
+    roll, heave = (replace(gains, k_p=gains.k_p / zoom) for gains in (baselines.roll, baselines.heave))
+    return FarBaselines(baselines.match_px * zoom, roll, heave)
 
 
 @dataclass(frozen=True)
@@ -253,7 +224,7 @@ def far_control(
         tables: Table 1 in the pixels of `camera`.
         camera: in use.
     """
-    yaw, baselines = FarYaw(near.yaw, near.derivative, camera.focal_px), baselines.scaled(camera)
+    yaw, baselines = FarYaw(near.yaw, near.derivative, camera.focal_px), _scaled_baselines(baselines, camera)
     if kind == "p":
         return LinearFar(baselines, variant, tables, yaw)
     if kind == "pid":

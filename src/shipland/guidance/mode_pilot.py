@@ -19,9 +19,8 @@ from shipland.guidance.laws import clamp
 from shipland.guidance.modes import INTENTS, ModeMemory, next_mode
 from shipland.guidance.near import HOLD, NearControl, NearEstimate, SticksPercent, measure
 from shipland.guidance.pilot import PilotSetup
-from shipland.guidance.references import References
 from shipland.guidance.search import search
-from shipland.guidance.situation import PositionEstimate, situation_of, without_large_boxes
+from shipland.guidance.situation import PositionEstimate, References, situation_of, without_large_boxes
 from shipland.guidance.view import View, target_column_px
 from shipland.messages import Box, Decision, Estimate, Mode, Observation, PilotCommand, Telemetry
 

@@ -5,16 +5,53 @@ from __future__ import annotations
 from typing import Literal
 
 from shipland.config import key, parameters, require, scaled
-from shipland.guidance.far import FarBaselines, FarKind, FarParameters
 from shipland.guidance.horizon.learned import LearnedParameters
 from shipland.guidance.horizon.parameters import HorizonParameters
-from shipland.guidance.laws import FarGains, FarVariant
+from shipland.guidance.laws import FarGains, FarVariant, PidGains
 from shipland.guidance.modes import ModeParameters
 from shipland.guidance.near import NearParameters
 from shipland.guidance.search import SearchParameters
-from shipland.guidance.simc import NearBaselines
 
+FarKind = Literal["exponential", "p", "pid"]
 LandingRule = Literal["steady", "printed"]
+
+
+@parameters
+class FarParameters:
+    """`[guidance.ship]`, `[guidance.bar]`: Table 1 for one target, in pixels of the published camera."""
+
+    pitch: FarGains
+    roll: FarGains
+    heave: FarGains
+
+
+@parameters
+class FarBaselines:
+    """`[guidance.far_baselines]`: the linear laws that the far law is compared with, in roll and heave.
+
+    [Lee2022, §Long-range Tracking Controller] has linear laws without gains.
+    """
+
+    match_px: float = key(
+        100.0, "P and the exponential law give the same stick at this error", "chosen: near full stick", gt=0
+    )
+    roll: PidGains = key(
+        PidGains(0.75, 6.0, 1.5), "linear PID, percent per px, s", "Ziegler and Nichols at 100 m: docs/results/paper.md"
+    )
+    heave: PidGains = key(PidGains(7.8, 2.75, 0.69), "likewise", "likewise")
+
+
+@parameters
+class NearBaselines:
+    """`[guidance.near_baselines]`: the linear near laws that the other pilots are compared with.
+
+    By SIMC (Skogestad 2003): docs/explanation/published-pilot.md.
+    """
+
+    closed_loop: float = key(1.0, "time constant, as a multiple of the dead time", "Skogestad: fast and robust", gt=0)
+    rate_filter: float = key(
+        0.33, "of the measured rate, likewise", "chosen: the smoothing of the published pilot's", gt=0
+    )
 
 
 @parameters

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shipland.guidance.far import FarKind, FarTables, far_control
 from shipland.guidance.near import NearControl, PublishedNear
+from shipland.guidance.parameters import FarKind
 from shipland.guidance.pilot import Pilot, PilotSetup
 
 if TYPE_CHECKING:
@@ -92,6 +92,7 @@ def learned(setup: PilotSetup) -> Pilot:
 
 def _by_modes(setup: PilotSetup, far_kind: FarKind, near: NearControl, pilot: type[ModePilot] | None = None) -> Pilot:
     """The published modes around a far law and a near control; a rival that differs beyond these has a pilot."""
+    from shipland.guidance.far import FarTables, far_control
     from shipland.guidance.mode_pilot import ModePilot
 
     guidance = setup.guidance

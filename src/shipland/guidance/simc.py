@@ -10,22 +10,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from shipland.config import key, parameters
 from shipland.guidance.laws import PidGains
 from shipland.guidance.response import Response
-
-
-@parameters
-class NearBaselines:
-    """`[guidance.near_baselines]`: the linear near laws that the other pilots are compared with.
-
-    By SIMC (Skogestad 2003): docs/explanation/published-pilot.md.
-    """
-
-    closed_loop: float = key(1.0, "time constant, as a multiple of the dead time", "Skogestad: fast and robust", gt=0)
-    rate_filter: float = key(
-        0.33, "of the measured rate, likewise", "chosen: the smoothing of the published pilot's", gt=0
-    )
 
 
 @dataclass(frozen=True)

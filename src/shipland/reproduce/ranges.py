@@ -17,8 +17,9 @@ from shipland.camera import Camera, CameraParameters
 from shipland.config import build, merge
 from shipland.flight import Autonomy, fly
 from shipland.frames import Array
-from shipland.guidance.far import FarKind, FarSight, FarTables, FarTarget, far_control
+from shipland.guidance.far import FarSight, FarTables, FarTarget, far_control
 from shipland.guidance.laws import FarVariant
+from shipland.guidance.parameters import FarKind
 from shipland.messages import (
     Box,
     Decision,
