@@ -13,7 +13,8 @@ from shipland.guidance.modes import INTENTS
 from shipland.messages import Frame, Intent, PilotCommand, Telemetry
 from shipland.rig import Rig
 from shipland.sim.air.wind import SteadyWind
-from shipland.sim.ship.ship import Ship, StraightCourse
+from shipland.sim.ship.course import StraightCourse
+from shipland.sim.ship.ship import Ship
 from shipland.vehicles.delays import DelayParameters
 from shipland.vehicles.replay import Recorded, ReplayVehicle
 from shipland.vehicles.simulated import SimulatedVehicle

@@ -30,7 +30,9 @@ from shipland.sim.aircraft.step import (
     trim_hover,
 )
 from shipland.sim.contact.body import Body, DeckState, build_model, deck_values
-from shipland.sim.ship.ship import Ship, Still, StillCourse
+from shipland.sim.ship.course import StillCourse
+from shipland.sim.ship.deck_motion import Still
+from shipland.sim.ship.ship import Ship
 from shipland.sim.world import STEP_S, World
 from worlds import QUIET, aircraft_parameters, world
 

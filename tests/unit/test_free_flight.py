@@ -134,7 +134,9 @@ def test_a_weak_rotor_flies_free_too(monkeypatch):
 
 def moving_ship(rig):
     """A deck that heaves, rolls and pitches."""
-    from shipland.sim.ship.ship import Ship, Sinusoids, StillCourse
+    from shipland.sim.ship.course import StillCourse
+    from shipland.sim.ship.deck_motion import Sinusoids
+    from shipland.sim.ship.ship import Ship
 
     motion = Sinusoids([0.0, 0.0, 0.05, 0.06, 0.03, 0.0], [5.0, 5.0, 5.0, 6.0, 7.0, 5.0], [0.3] * 6)
     return Ship(rig, StillCourse(0.3), motion)

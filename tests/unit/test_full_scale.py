@@ -9,8 +9,7 @@ import pytest
 
 from shipland.camera import Camera
 from shipland.commands.options import ship_and_camera_of
-from shipland.config import ConfigError
-from shipland.errors import DataError
+from shipland.errors import ConfigError, DataError
 from shipland.frames import Pose
 from shipland.guidance.horizon.estimator import Estimator
 from shipland.learning.arguments import SynthArguments

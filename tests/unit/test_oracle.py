@@ -9,7 +9,9 @@ from shipland.evaluation.oracle import height_at_contact_m, oracle_in_deck_m, or
 from shipland.frames import Pose
 from shipland.rig import Rig
 from shipland.scenario.scenario import load_scenario, scenario_table
-from shipland.sim.ship.ship import Ship, Sinusoids, StillCourse, StraightCourse, build_ship
+from shipland.sim.ship.course import StillCourse, StraightCourse
+from shipland.sim.ship.deck_motion import Sinusoids
+from shipland.sim.ship.ship import Ship, build_ship
 from worlds import aircraft_parameters
 
 RIG = Rig()

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shipland.config import ConfigError
+from shipland.errors import ConfigError
 from shipland.messages import PilotCommand
 from worlds import QUIET, come_down, world
 

@@ -13,7 +13,7 @@ import pytest
 from ports import free_port
 from shipland.errors import ConfigError
 from shipland.scenario.scenario import load_scenario
-from shipland.sim.aircraft.aircraft import RigidBodyState
+from shipland.sim.aircraft.record import RigidBodyState
 from shipland.sitl.px4_link import Px4Link, SimulatedSensors, pressure_hpa
 from shipland.sitl.serving import PhysicsOptions, serve
 from shipland.vehicles.mavlink.dialect import dialect

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera
-from shipland.config import ConfigError, build
-from shipland.errors import VehicleError
+from shipland.config import build
+from shipland.errors import ConfigError, VehicleError
 from shipland.messages import GimbalAttitude, Intent, Observation, PilotCommand
 from shipland.sim.state import SceneState
 from shipland.sim.world import World

@@ -13,10 +13,10 @@ from shipland.frames import GRAVITY_MPS2
 from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
 from shipland.sim.air.wind import Wind
-from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor, RigidBodyState, build_aircraft
+from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor, build_aircraft
 from shipland.sim.aircraft.loops import CENTRED, Sticks
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
-from shipland.sim.aircraft.record import Record, at
+from shipland.sim.aircraft.record import Record, RigidBodyState, at
 from shipland.sim.aircraft.sensors import (
     Gimbal,
     LandingDetector,

@@ -15,8 +15,8 @@ from shipland.frames import GRAVITY_MPS2, Array, rotation_from_quaternion
 from shipland.messages import PilotCommand
 from shipland.scenario.autonomy import build_world
 from shipland.scenario.scenario import Scenario
-from shipland.sim.aircraft.aircraft import RigidBodyState
 from shipland.sim.aircraft.parameters import Vector
+from shipland.sim.aircraft.record import RigidBodyState
 from shipland.sim.aircraft.servo import ServoQuadrotor
 from shipland.sim.world import Grid, World
 from shipland.sitl.frame_server import FrameServer

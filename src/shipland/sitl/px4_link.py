@@ -18,8 +18,8 @@ import numpy as np
 
 from shipland.errors import ConfigError
 from shipland.frames import Array, rotation_from_quaternion
-from shipland.sim.aircraft.aircraft import RigidBodyState
 from shipland.sim.aircraft.parameters import Vector
+from shipland.sim.aircraft.record import RigidBodyState
 from shipland.sitl.physics import STEP_S, FlightStep, ServedFlight
 from shipland.vehicles.mavlink.dialect import Message, dialect
 

@@ -11,8 +11,6 @@ from shipland.sim.aircraft.parameters import AircraftParameters, Shape, Vector
 from shipland.sim.aircraft.record import Record, RigidBodyState, Sensed, Wrench, at
 from shipland.sim.aircraft.step import ground_effect_gain, mix_once, trim_hover, turn_once
 
-__all__ = ["Aircraft", "Clearance", "Quadrotor", "RigidBodyState", "Wrench", "build_aircraft"]
-
 Clearance = Callable[[Vector], float]
 """Height [m] of a point of `body` over the deck; infinite beside or below it."""
 

@@ -13,7 +13,7 @@ from shipland.rig import Rig, layout
 from shipland.sim.scene import gl, mirror, motion
 from shipland.sim.scene.background import Background
 from shipland.sim.scene.block import BLOCK_BYTES, RenderView, block
-from shipland.sim.scene.labels import Label, Labels, area_px2, label
+from shipland.sim.scene.labels import Labels, area_px2, label
 from shipland.sim.scene.light import light
 from shipland.sim.scene.mirror import AroundShip
 from shipland.sim.scene.parameters import SceneParameters
@@ -41,8 +41,6 @@ from shipland.sim.scene.view import (
 )
 from shipland.sim.scene.weather import LensDrops, Rain, SensorNoise, sun_in_lens
 from shipland.sim.state import SceneState
-
-__all__ = ["Label", "Labels", "Scene", "SceneParameters"]
 
 _LABEL_SAMPLES = 512
 _LAYER_SIZE = (2048, 1280)

@@ -16,39 +16,21 @@ from shipland.frames import Array, Pose
 from shipland.rig import Rig
 from shipland.sim.air.wind import ShipPlace
 from shipland.sim.rotations import rows_of_euler
-from shipland.sim.ship.course import Course, CourseParameters, CourseState, StillCourse, StraightCourse, build_course
+from shipland.sim.ship.course import Course, CourseParameters, CourseState, StillCourse, build_course
 from shipland.sim.ship.deck_motion import (
     DeckMotion,
-    Harmonics,
     Later,
     LimitBite,
     LimitedMotion,
     LimitParameters,
     SinusoidParameters,
-    Sinusoids,
     SixDof,
     Still,
     rig_limits,
 )
 from shipland.sim.ship.sea import SeaParameters, deck_motion
 
-__all__ = [
-    "Course",
-    "CourseParameters",
-    "CourseState",
-    "DeckMotion",
-    "Harmonics",
-    "LimitBite",
-    "Ship",
-    "ShipParameters",
-    "ShipState",
-    "Sinusoids",
-    "SixDof",
-    "Still",
-    "StillCourse",
-    "StraightCourse",
-    "build_ship",
-]
+__all__ = ["Ship", "ShipParameters", "ShipState", "Still", "StillCourse", "build_ship"]
 
 
 @dataclass(frozen=True)
