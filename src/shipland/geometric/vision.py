@@ -1,11 +1,16 @@
-"""The geometric camera: no picture, but what vision would make of one, with its errors (`[geometric]` in TOML).
+"""What vision would make of a picture, with its errors, from the truth alone (`[geometric]` in TOML).
 
-Near: the pose that corner errors lead to, found from the true one, unrolled and compiled for campaigns. The solver of
-`vision.near.pose` minimises the whitened residuals of corners and level prior; a few Gauss-Newton steps from the true
-pose end in the same minimum, what they leave out is another planar solution, and the solver is their test. Far: the
-true boxes of ship and bar with the detectors' measured errors and misses, taken from `shipland evaluate` on rendered
-pictures (docs/results/far-vision.md); false boxes are not modelled, flights that must meet them fly the rendered
-camera. Down: the true place of the deck, and its attitude as a tag on the deck would give it.
+Near: the pose that corner errors lead to, unrolled and compiled for campaigns. The solver of `vision.near.pose`
+minimises the whitened residuals of corners and level prior. A few Gauss-Newton steps from the true pose end in the same
+minimum; what they leave out is another planar solution. The solver is their test.
+
+Far: the true boxes of ship and bar with the detectors' measured errors and misses, taken from `shipland evaluate` on
+rendered pictures (docs/results/far-vision.md). False boxes are not modelled: flights that must meet them fly the
+rendered camera.
+
+Down: the true place of the deck with the errors of the rendered one's. Its attitude goes with it as a tag on the deck
+would give it: true but for noise, without the second solution that a small plane's pose has, and seen wherever the
+deck's centre is. No drawn picture gives it.
 """
 
 from __future__ import annotations
