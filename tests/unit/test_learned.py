@@ -14,7 +14,7 @@ from shipland.scenario.scenario import load_scenario
 
 pytest.importorskip("onnx", reason="the extra train is not installed")
 
-from shipland.learning.policy.agent import Dense, write_policy
+from shipland.learning.policy.export import Dense, write_policy
 
 RESIDUAL = Action("residual", 0.5, 1.5)
 

@@ -27,8 +27,9 @@ from shipland.errors import ConfigError, DataError
 from shipland.figures import drawn
 from shipland.files import write_atomically
 from shipland.guidance.horizon.steering import REACH_M, Action
-from shipland.learning.policy.agent import Dense, Progress, Run, answer, dense_of, write_policy
+from shipland.learning.policy.agent import Progress, Run, answer, dense_of
 from shipland.learning.policy.arguments import LearnArguments
+from shipland.learning.policy.export import Dense, write_policy
 from shipland.progress import followed
 from shipland.stopping import uninterrupted
 

@@ -1,0 +1,60 @@
+"""A policy as ONNX: dense layers, what its action means, and what it wants to see."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shipland.files import write_with_digest
+from shipland.guidance.horizon.learned import FORMAT
+from shipland.guidance.horizon.steering import ENTRIES, Action
+
+ACTIONS = 2
+
+
+class Dense(NamedTuple):
+    """A layer: activation(weight @ x + bias).
+
+    Attributes:
+        weight: (outputs, inputs).
+        bias: (outputs,).
+        activation: by ONNX's name.
+    """
+
+    weight: npt.NDArray[np.float32]
+    bias: npt.NDArray[np.float32]
+    activation: Literal["Tanh", "Relu"]
+
+
+def write_policy(path: Path, layers: Sequence[Dense], action: Action, note: str) -> None:
+    """Write a policy that `--pilot residual` and `learned` fly, whole or not at all, with its digest."""
+    import onnx
+    from onnx import TensorProto, helper, numpy_helper
+
+    nodes, weights, before = [], [], "observation"
+    for index, layer in enumerate(layers):
+        after = "action" if index == len(layers) - 1 else f"hidden_{index}"
+        names = [f"weight_{index}", f"bias_{index}"]
+        for name, value in zip(names, (layer.weight, layer.bias), strict=True):
+            weights.append(numpy_helper.from_array(np.asarray(value, np.float32), name))
+        nodes.append(helper.make_node("Gemm", [before, *names], [f"sum_{index}"], transB=1))
+        nodes.append(helper.make_node(layer.activation, [f"sum_{index}"], [after]))
+        before = after
+    graph = helper.make_graph(
+        nodes,
+        "policy",
+        [helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["batch", len(ENTRIES)])],
+        [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["batch", ACTIONS])],
+        weights,
+    )
+    opset = [helper.make_opsetid("", 17)]
+    model = helper.make_model(graph, opset_imports=opset, ir_version=9, producer_name="shipland")
+    about = {"format": FORMAT, "action": json.dumps(vars(action)), "entries": json.dumps(ENTRIES), "note": note}
+    helper.set_model_props(model, about)
+    onnx.checker.check_model(model)
+    write_with_digest(path, model.SerializeToString())
