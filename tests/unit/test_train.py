@@ -247,6 +247,19 @@ def test_windows_from_memory_hold_what_the_pictures_hold(squares):
     assert (targets[:, 1] >= 0).sum() > 15
 
 
+def test_pictures_that_are_fitted_to_the_window_wait_so(squares):
+    parameters = training._parameters(arguments(squares, squares / "none", 5))
+    parameters = replace(parameters, window_px=96, augment=replace(parameters.augment, fit=True))
+    dataset = read_dataset(squares)
+    windows = ResidentWindows(dataset, parameters, torch.device("cpu"), 1)
+    for index, sample in enumerate(dataset.samples):
+        picture, targets = windows.load(index)
+        assert picture.shape == (96, 96, 3)
+        np.testing.assert_allclose(targets[:, 1:], 1.5 * sample.load()[1][:, 1:], rtol=1e-6)
+    drawn, _ = windows.draw([], np.random.default_rng(5))
+    assert drawn.shape[1:] == (3, 96, 96)
+
+
 def test_windows_from_memory_lie_over_hard_places(squares):
     parameters = training._parameters(arguments(squares, squares / "none", 5))
     dataset = read_dataset(squares)

@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import cv2
@@ -20,7 +21,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from shipland.learning.augment import HARD_JITTER, Loader, training_window
-from shipland.learning.dataset import IGNORED, Dataset, Targets
+from shipland.learning.dataset import IGNORED, Dataset, Sample, Targets
 from shipland.learning.settings import AugmentParameters, TrainParameters
 from shipland.vision.pictures import Picture
 
@@ -96,7 +97,7 @@ class ResidentWindows:
         self._place: list[tuple[tuple[int, ...], int]] = []
         # OpenCV lets go of Python's lock while it decodes.
         with ThreadPoolExecutor(max(1, threads)) as pool:
-            for picture, targets in pool.map(lambda sample: _fitted(*sample.load(), fit_px), dataset.samples):
+            for picture, targets in pool.map(partial(_fitted, side_px=fit_px), dataset.samples):
                 pictures, rows = blocks.setdefault(picture.shape, ([], []))
                 self._place.append((picture.shape, len(pictures)))
                 pictures.append(picture)
@@ -234,8 +235,9 @@ class ResidentWindows:
         return batch, torch.cat([boxes[..., :1], column[..., None], boxes[..., 2:]], -1)
 
 
-def _fitted(picture: Picture, targets: Targets, side_px: int | None) -> tuple[Picture, Targets]:
-    """Both scaled so that the picture just fits a window of that side; as they are for None."""
+def _fitted(sample: Sample, side_px: int | None) -> tuple[Picture, Targets]:
+    """A sample's picture and targets, scaled so that it just fits a window of that side; as they are for None."""
+    picture, targets = sample.load()
     if side_px is None:
         return picture, targets
     height, width = picture.shape[:2]
