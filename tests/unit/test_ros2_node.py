@@ -84,6 +84,25 @@ def test_a_log_becomes_a_bag_that_rosbags_reads(tmp_path: Path) -> None:
         write_bag(log, tmp_path / "bag")
 
 
+def test_a_bag_has_no_time_below_zero_where_the_first_exposure_precedes_the_flight(tmp_path: Path) -> None:
+    from rosbags.highlevel import AnyReader
+
+    log = tmp_path / "flight.mcap"
+    with LogWriter(log, INFO, RIG, CAMERA, LogParameters()) as writer:
+        for record in flight(from_s=20.0, to_s=20.1):
+            early_s = record.frame.t_s - 20.009
+            writer.append(replace(record, frame=replace(record.frame, t_s=early_s)))
+    assert early_s > 0.0
+    assert write_bag(log, tmp_path / "bag")["/drone/camera/image_raw/compressed"] > 0
+    with AnyReader([tmp_path / "bag"]) as reader:
+        stamps = [
+            reader.deserialize(data, connection.msgtype).header.stamp.sec  # type: ignore[attr-defined]
+            for connection, _, data in reader.messages()
+            if connection.topic.startswith("/drone/camera")
+        ]
+    assert min(stamps) == 0
+
+
 class Kept:
     """Outlets that keep what is sent."""
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from shipland.errors import ConfigError, DataError
+from shipland.record.foxglove_scene import nanoseconds
 from shipland.record.reader import read_log
 from shipland.vehicles.ros2.conversions import gimbal_message, odometry_of
 from shipland.vehicles.ros2.image_messages import camera_info, jpeg_message
@@ -75,19 +76,23 @@ def write_bag(log_path: Path, folder: Path, namespace: str = "drone", epoch_s: f
         mount = bag.publisher(topics["gimbal"], "geometry_msgs/msg/QuaternionStamped")
         image = bag.publisher(f"{topics['image']}/compressed", "sensor_msgs/msg/CompressedImage")
         info = bag.publisher(topics["camera_info"], "sensor_msgs/msg/CameraInfo")
-        telling = Telling(bag, our_topics(), lambda t_s: epoch_s + t_s)
-        pictures, first = read_pictures(log_path), log.records[0].frame.t_s
-        bag.time_ns = round(1e9 * (epoch_s + first))
-        telling.deck_lies(log.header.rig.deck_in_bar_m, first)
+
+        def stamped_s(t_s: float) -> float:  # the first exposure may precede the flight; ROS has no time below zero
+            return epoch_s + max(t_s, 0.0)
+
+        telling, pictures = Telling(bag, our_topics(), stamped_s), read_pictures(log_path)
+        first_s = log.records[0].frame.t_s
+        bag.time_ns = round(1e9 * stamped_s(first_s))
+        telling.deck_lies(log.header.rig.deck_in_bar_m, first_s)
         time_ns, picture = next(pictures, _NO_PICTURE)
         for record in log.records:
-            exposed_s, now_s = epoch_s + record.frame.t_s, epoch_s + record.telemetry.t_s
-            bag.time_ns = round(1e9 * now_s)
+            exposed_s, exposed_ns = stamped_s(record.frame.t_s), nanoseconds(record.frame.t_s)
+            bag.time_ns = round(1e9 * stamped_s(record.telemetry.t_s))
             mount.send(gimbal_message(record.frame.gimbal, exposed_s))
-            odom.send(odometry_of(record.telemetry, epoch_s + record.telemetry.newest_s))
-            while time_ns < round(1e9 * record.frame.t_s):
+            odom.send(odometry_of(record.telemetry, stamped_s(record.telemetry.newest_s)))
+            while time_ns < exposed_ns:
                 time_ns, picture = next(pictures, _NO_PICTURE)
-            if picture is not None and time_ns == round(1e9 * record.frame.t_s):
+            if picture is not None and time_ns == exposed_ns:
                 height_px, width_px, _ = picture.shape
                 info.send(camera_info(log.header.camera.scaled(width_px, height_px), exposed_s, _OPTICAL))
                 image.send(jpeg_message(picture, exposed_s, _OPTICAL))
