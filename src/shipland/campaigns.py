@@ -282,20 +282,20 @@ def _fly(
         executor = on_cluster(cluster)
     else:
         executor = processes(min(workers or len(os.sched_getaffinity(0)), left))
-    plan, flown, landed, begun_s = opened.plan, 0, 0, time.monotonic()
+    plan, flown, success, begun_s = opened.plan, 0, 0, time.monotonic()
     if progress is not False:
         say_that_it_compiles()
     cells, area = len(plan.cells), area_of(cell.scenario.rig for cell in plan.cells)
     flights = sum(1 for _ in plan.jobs())
 
     def now() -> CampaignProgress:
-        return CampaignProgress(cells, flights, left, flown, landed, opened.lost, area)
+        return CampaignProgress(cells, flights, left, flown, success, opened.lost, area)
 
     def told() -> Generator[str, None, None]:
-        nonlocal flown, landed
+        nonlocal flown, success
         with closing(opened.fly(executor)) as landings:
             for _, landing in landings:
-                flown, landed = flown + 1, landed + landing.success
+                flown, success = flown + 1, success + landing.success
                 if callable(progress):
                     progress(now())
                 yield underway(now()) if progress is True else ""

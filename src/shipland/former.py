@@ -90,6 +90,7 @@ FORMER_VALUES = {("guidance.horizon.moment", "lull"): "any"}
 """A value that logs on record have, by its key, and what flies most like it."""
 
 FORMER_OPTIONS = {
+    ("campaign", "--count"): "--runs",
     ("campaign", "--time-limit-s"): "--minutes",
     ("envelope", "--time-limit-s"): "--minutes",
     ("evaluate", "--scenes"): "--count",

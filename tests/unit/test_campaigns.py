@@ -137,7 +137,7 @@ def test_a_notebook_shows_cells_and_a_picture(made_up):
 
 def test_progress_is_told_before_the_first_flight_and_after_each(made_up):
     told = []
-    grid(progress=lambda now: told.append((now.to_fly, now.flown, now.landed)))
+    grid(progress=lambda now: told.append((now.to_fly, now.flown, now.success)))
     assert told[0] == (16, 0, 0)
     assert told[-1] == (16, 16, 12)
     assert len(told) == 17

@@ -42,7 +42,7 @@ def test_pairs_are_the_seeds_that_both_flew():
     second = [replace(seeded(GOOD, seed), in_square=False, forward_m=0.4) for seed in range(3, 12)]
     text = comparison(first, second, ("one", "two"))
     assert "6 seeds flown by both" in text
-    assert "only one landed: 6; only two: 0" in text
+    assert "landed there by one alone: 6, by two alone: 0" in text
     assert "p = 0.0312" in text  # 2 / 2⁶
     with pytest.raises(ConfigError, match="no seed in common"):
         comparison(first[:1], second, ("one", "two"))

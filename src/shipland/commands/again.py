@@ -34,7 +34,7 @@ class Again:
     """
 
     log: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]
-    """flight.mcap of a simulated flight, or the folder of a campaign's cell."""
+    """Log (flight.mcap) of a simulated flight, or the folder of a campaign's cell."""
     seed: int | None = None
     """Which flight of a cell."""
     changes: Changes = ()

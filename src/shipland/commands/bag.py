@@ -21,7 +21,7 @@ class Bag:
     """
 
     log: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]
-    """flight.mcap of a flight."""
+    """Log of a flight, its flight.mcap."""
     out: Path = Path("out/bag")
     """Folder of the bag; must not be there yet."""
     namespace: str = "drone"

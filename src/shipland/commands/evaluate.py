@@ -23,7 +23,7 @@ class Evaluate(EvaluateArguments):
 
     Example: shipland evaluate --weights yolox_nano.onnx --data another-day --classes boat --out out/coco
 
-    Example: shipland evaluate --scenario frigate-sea5 --config examples/frigate_pictures.toml --out out/frigate-eyes
+    Example: shipland evaluate --scenario frigate-sea5 --config frigate_pictures.toml --out out/frigate-eyes
     """
 
     scenario: str | None = None

@@ -21,7 +21,7 @@ class Identify:
     """
 
     log: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]
-    """flight.mcap of a flight with telemetry of attitude and velocity."""
+    """Log (flight.mcap) of a flight with telemetry of attitude and velocity."""
     out: Path = Path("vehicle.toml")
     """TOML file; written over."""
     uplink_s: float = 0.02

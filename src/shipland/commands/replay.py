@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 class Replay(ScenarioOptions):
     """Run vision and pilot again over a recorded flight, and say where they differ from what was recorded.
 
-    Of a flight log, those that flew run again unless others are named, on the pictures that the log keeps, or with
-    `--vision geometric` on the recorded truth; of the options of a scenario only --set counts then, laid over what was
+    Of a flight log, those that flew run again unless others are named, on the pictures that the log keeps, or on the
+    recorded truth with `--vision geometric`; of the options of a scenario only --set counts then, laid over what was
     flown. Of a video there is nothing to compare with: what is seen and decided goes to --out and --viewer. The sticks
     move nothing.
 

@@ -17,7 +17,7 @@ class ServePhysics(ScenarioOptions):
 
     To a flight controller that flies motors the aircraft is held below its start until its rotors carry it, so that
     it can boot; then the flight begins, and `shipland fly --vehicle mavlink://…?camera=frames:127.0.0.1:9003` lands
-    it. Parameters for the simulated airframe: examples/arducopter.parm and examples/px4.parm.
+    it. Parameters for the simulated airframe: `shipland example arducopter.parm`, `px4.parm`.
 
     To ROS 2 it is a vehicle with topics of its own, which flies the set-points that come; the world waits for the
     first, and `shipland fly --vehicle ros2://drone` lands it. Exit code: 0 landed in the square, 1 not.

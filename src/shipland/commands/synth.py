@@ -14,7 +14,7 @@ class Synth(SynthArguments):
 
     Example: shipland synth --out out/ship --kind ship --count 5000 --crop-px 352
 
-    Example: shipland synth --out out/frigate --scenario frigate-sea5 --config examples/frigate_pictures.toml
+    Example: shipland synth --out out/frigate --scenario frigate-sea5 --config frigate_pictures.toml
     """
 
     scenario: str | None = None

@@ -21,7 +21,7 @@ class CampaignProgress:
         flights: all of them, with those flown earlier.
         to_fly: flights that were missing at the start.
         flown: of these.
-        landed: of those flown, in the landing area.
+        success: of those flown, landed in the landing area.
         lost: flights without a landing, and why.
         area: what the landing area is called.
     """
@@ -30,7 +30,7 @@ class CampaignProgress:
     flights: int
     to_fly: int
     flown: int
-    landed: int
+    success: int
     lost: Sequence[LostFlight]
     area: str
 
@@ -42,8 +42,8 @@ def begun(now: CampaignProgress) -> str:
 
 def underway(now: CampaignProgress) -> str:
     """How many landed so far."""
-    interval = Tally(now.flown, now.landed).interval_text(0)
-    return f"{now.landed} of {now.flown} landed in the {now.area} ({interval})"
+    interval = Tally(now.flown, now.success).interval_text(0)
+    return f"{now.success} of {now.flown} landed in the {now.area} ({interval})"
 
 
 def ended(now: CampaignProgress, spent_s: float, resumes: bool) -> Iterator[str]:

@@ -136,9 +136,9 @@ def comparison(first: Sequence[Landing], second: Sequence[Landing], names: tuple
     for name, landings in zip(names, (first, second), strict=True):
         mine = [landing for landing in landings if landing.seed in common]
         tally = Tally.of(mine)
-        share = f"{tally.landed} in the landing area (95 % interval {tally.interval_text()})"
+        share = f"{tally.landed} landed in the landing area (95 % interval {tally.interval_text()})"
         lines.append(f"  {name}: {share}, median error {median([landing.error_m for landing in mine], 3)} m")
-    lines.append(f"only {names[0]} landed: {found.only_first}; only {names[1]}: {found.only_second}")
+    lines.append(f"landed there by {names[0]} alone: {found.only_first}, by {names[1]} alone: {found.only_second}")
     lines.append(f"McNemar's exact test: p = {found.p_value:.3g}")
     if np.isfinite(found.error_difference_m):
         low, high = found.error_interval_m

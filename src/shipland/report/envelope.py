@@ -131,8 +131,8 @@ def _page(envelope: Envelope) -> Iterator[str]:
 def cells_table(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Markdown, a line a cell."""
     yield (
-        "| from [°] | over deck [kn] | flights | landed [%] (95 %) | rating | outside | bad | refused | waved off "
-        "| sink, 90 % [m/s] | drift, 90 % [m/s] | tilt, 90 % [°] | deck beyond NATOPS' | causes |"
+        "| from [°] | over deck [kn] | flights | landed in the area [%] (95 %) | rating | outside | bad | refused "
+        "| waved off | sink, 90 % [m/s] | drift, 90 % [m/s] | tilt, 90 % [°] | deck beyond NATOPS' | causes |"
     )
     yield "|" + "---:|" * 13 + "---|"
     for row in rows:
