@@ -176,7 +176,7 @@ class Progress(BaseCallback):
         if self._ended:
             returns, landed = np.mean(self._ended[-RECENT:], axis=0)
             self.curve.append((self.num_timesteps, float(returns), float(landed)))
-            words += f"; last {len(self._ended[-RECENT:])} flights: return {returns:.1f}, {100 * landed:.0f} % in the square"
+            words += f"; last {len(self._ended[-RECENT:])} flights: return {returns:.1f}, success {100 * landed:.0f} %"
         print(words, file=sys.stderr, flush=True)
 
 
