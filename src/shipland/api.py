@@ -67,7 +67,8 @@ class Flight(Flown):
     def _repr_html_(self) -> str:
         from shipland.report.notebook import flight_html
 
-        return flight_html(self.scenario, self.reason, self.verdict, self.records)
+        film = None if self.folder is None else self.folder / "flight.mp4"
+        return flight_html(self.scenario, self.reason, self.verdict, self.records, film)
 
     @property
     def error_m(self) -> float:

@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -46,7 +47,7 @@ def test_a_flight_gives_arrays():
     assert all(record.frame.image is None for record in flight.records)
 
 
-def test_a_notebook_shows_verdict_figures_and_the_whole_flight():
+def test_a_notebook_shows_verdict_figures_the_whole_flight_and_its_film(tmp_path):
     flight = shipland.fly("near", seed=3)
     shown = flight._repr_html_()
     assert shown.startswith(f"<b>near: {flight.reason}</b>")
@@ -59,6 +60,10 @@ def test_a_notebook_shows_verdict_figures_and_the_whole_flight():
     assert len(shown) < 200_000
     short = shipland.fly(shipland.load_scenario("near", **SHORT), seed=3)
     assert "no touchdown" in short._repr_html_()
+    filmed = replace(short, folder=tmp_path)
+    assert "<video" not in filmed._repr_html_()
+    (tmp_path / "flight.mp4").touch()
+    assert f'src="{tmp_path / "flight.mp4"}"></video>' in filmed._repr_html_()
 
 
 class Swallowing:

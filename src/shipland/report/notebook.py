@@ -5,6 +5,8 @@ from __future__ import annotations
 import html
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
+from urllib.parse import quote
 
 import cv2
 import numpy as np
@@ -25,15 +27,20 @@ _DPI = 55
 
 
 def flight_html(
-    scenario: Scenario, reason: str, verdict: TouchdownVerdict | None, records: Sequence[FlightRecord]
+    scenario: Scenario,
+    reason: str,
+    verdict: TouchdownVerdict | None,
+    records: Sequence[FlightRecord],
+    film: Path | None = None,
 ) -> str:
-    """Verdict, figures of the touchdown, and the whole flight from the side and from above, where its truth is known.
+    """Verdict, figures of the touchdown, the whole flight from the side and from above where its truth is known, film.
 
     Args:
         scenario: what was flown.
         reason: the verdict in words.
         verdict: the touchdown; None where there was none.
         records: a row a cycle.
+        film: shown by its address where the file is there.
     """
     figures = [("cycles", f"{len(records)}")]
     if verdict is not None and verdict.touched:
@@ -54,6 +61,9 @@ def flight_html(
         bgr = cv2.cvtColor(views.picture(reason, whole=True), cv2.COLOR_RGB2BGR)
         png = cv2.imencode(".png", bgr)[1].tobytes()
         shown = picture(png, "png", "the flight from the side and from above")
+    if film is not None and film.is_file():
+        address = html.escape(quote(str(film)))
+        shown += f'<p><video controls width="640" src="{address}"></video><br><a href="{address}">{film.name}</a></p>'
     table = html_table([name for name, _ in figures], [[value for _, value in figures]], len(figures))
     return f"<b>{html.escape(scenario.name)}: {html.escape(reason)}</b>{table}{shown}"
 
