@@ -113,7 +113,7 @@ def test_ratings_tell_refusals_from_hits():
     assert rating_of([NOWHERE] * 10, limits, 0.9) == 4
     assert rating_of([easy] * 18 + [BAD] * 2, limits, 0.9) == 5
     row = figures(load_scenario("rig-natops"), [easy] * 2 + [NOWHERE, BAD], 0.9)
-    assert (row["bad"], row["refused"], row["outside"], row["beyond_natops"]) == (1, 1, 0, 0)
+    assert (row["landed"], row["bad"], row["refused"], row["outside"], row["beyond_natops"]) == (2, 1, 1, 0, 0)
     assert row["success"]["low"] < row["success"]["value"] < row["success"]["high"]
 
 

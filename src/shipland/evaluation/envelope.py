@@ -204,6 +204,7 @@ def figures(scenario: Scenario, landings: Sequence[Landing], rate: float) -> dic
         "flights": tally.flights,
         "success": {"value": tally.share, "low": low, "high": high},
         "rating": rating_of(landings, limits, rate),
+        "landed": tally.landed,
         "outside": sum(it.landed and not it.in_square for it in landings),
         "bad": sum(it.bad for it in landings),
         "refused": sum(it.refused for it in landings),
