@@ -25,12 +25,8 @@ from studies.landings import MEASURED
 
 SCENARIO, BINARY = "ship-sea5", "SHIPLAND_ARDUCOPTER"
 WHO = {"ArduCopter": ("--own-landing",), "our pilot": ()}
-CELLS = (
-    *((5, 2.0, 0.3), (5, 2.0, 0.15), (5, 2.0, 0.0)),
-    *((5, 1.0, 0.3), (5, 0.0, 0.3)),
-    *((3, 2.0, 0.3), (4, 2.0, 0.3), (6, 2.0, 0.3)),
-)
-"""Sea state, speed of the ship [m/s], latency of the pictures [s]."""
+CELLS = ((5, 2.0, 0.3), (6, 2.0, 0.3))
+"""Sea state, speed of the ship [m/s], latency of the pictures [s]: twenty minutes each, in real time."""
 HELD = (
     *("--set", "wind.mean_mps=0", "--set", "ship.course.kind=straight", "--set", "ship.course.start_s=0"),
     *("--set", "start.distance_m=5", "--set", "start.distance_half_range_m=1"),
@@ -44,7 +40,7 @@ TOOLS += ("examples/arducopter.parm", "examples/precision-landing.parm")
 
 
 def cases() -> Sequence[Case]:
-    """Latencies first, then speeds, then sea states; who lands innermost."""
+    """Who lands innermost."""
     return [dict(zip(("sea", "deck_mps", "lag_s", "who"), (*cell, who), strict=True)) for cell in CELLS for who in WHO]
 
 
@@ -94,7 +90,9 @@ def measure(case: Case, runs: int) -> Row:
         "off_m": float(np.median(off_m)) if off_m else None,
         "most_m": max(off_m, default=None),
         "rest_s": float(np.median(rest_s)) if rest_s else None,
-        "others": "; ".join(f"seed {row['seed']}: {row['reason']}" for row in counted if not row["success"]),
+        "others": "; ".join(
+            f"seed {row['seed']}: {row['reason']}" for row in counted if not row["reason"].startswith("landed")
+        ),
     }
 
 
@@ -111,13 +109,13 @@ STUDY = Study(
         "off_m": Column("off the centre, median [cm]", ".0f", 100.0),
         "most_m": Column("at most [cm]", ".0f", 100.0),
         "rest_s": Column("from the touch to motors at rest, median [s]", ".1f"),
-        "others": Column("the others"),
+        "others": Column("did not land"),
     },
     cases=cases,
     measure=measure,
     runs=8,
     measured=FLOWN,
-    minutes=170,
+    minutes=45,
     helpers=TOOLS,
     alone=True,
     binary=BINARY,

@@ -28,7 +28,7 @@ UNMEASURED = frozenset(
     speed_physics speed_environments speed_link speed_render speed_landings speed_near speed_far speed_peers
     consistency clock pose_error film_errors far_vision frigate_recall
     false_accepts confirmation published_gains moment margins winds measurements faults full hazards
-    frigate wake headline far_rendered frigate_rendered policies own_landing envelope
+    frigate wake headline far_rendered frigate_rendered policies envelope
     """.split()  # noqa: SIM905
 )
 """Studies whose results are not committed yet; remove a name when they are, add none."""
