@@ -161,10 +161,11 @@ def stages_ms(vision: NearVision, frames: list[Frame], rounds: int) -> dict[str,
 
         return call
 
-    look, rows, names = following(vision, frames), [], ["edges", *STAGES]
+    look, rows, names = following(vision, frames), [], ["regions", "edges", *STAGES]
     with ExitStack() as patches:
-        edges = replace(vision._steps, measure=timed("edges", vision._steps.measure))
-        patches.enter_context(patch.object(vision, "_steps", edges))
+        steps = vision._steps
+        steps = replace(steps, regions_of=timed("regions", steps.regions_of), measure=timed("edges", steps.measure))
+        patches.enter_context(patch.object(vision, "_steps", steps))
         for name, (module, part) in STAGES.items():
             patches.enter_context(patch.object(module, part, timed(name, getattr(module, part))))
         for _ in range(rounds):
