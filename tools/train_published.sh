@@ -3,7 +3,7 @@
 # the bar, shrunk to 416 px, published anchors, decoding and loss, no rounds of what fooled them. Of the width 1.0 a
 # step takes 11 s of a core; with the default width both take an hour and a half of one. Leaves OUT/{ship,bar}.onnx.
 # Usage: tools/train_published.sh [OUT]   (default out/train-published); on a GPU WIDTH=1.0 BATCH=32 STEPS=10000
-# EVERY=1000; MINUTES ends the ship's training in order after so long, the bar's after half of it.
+# EVERY=1000; MINUTES ends each training in order after so long.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 out=${1:-out/train-published} width=${WIDTH:-0.25} steps=${STEPS:-2500}
@@ -36,12 +36,12 @@ scale_min = 0.8
 scale_max = 1.4
 TOML
 
-train() { # KIND STEPS SEED MINUTES
+train() { # KIND STEPS SEED
     $shipland synth --out "$out/$1-pictures" --kind "$1" --seed "$3"
     if [[ ! -f $out/$1/model-card.md ]]; then # written last
         local more=()
         [[ -z ${BATCH:-} ]] || more+=(--batch "$BATCH")
-        [[ -z ${MINUTES:-} ]] || more+=(--minutes "$4")
+        [[ -z ${MINUTES:-} ]] || more+=(--minutes "$MINUTES")
         [[ -f $out/$1/last.safetensors ]] && more+=(--resume)
         $shipland train --data "$out/$1-pictures" --out "$out/$1" --profile photos --steps "$2" --width "$width" \
             --seed 1 --config "$out/train.toml" "${more[@]}"
@@ -50,6 +50,5 @@ train() { # KIND STEPS SEED MINUTES
     echo "$out/$1.onnx"
 }
 
-minutes=${MINUTES:-0}
-train ship "$steps" 5 "$minutes"
-train bar $((steps / 2)) 6 $((minutes / 2))
+train ship "$steps" 5
+train bar $((steps / 2)) 6

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
@@ -53,9 +54,17 @@ class Sample:
         except (OSError, ValueError) as error:
             raise DataError(f"picture {self.path} is broken or no picture ({error})") from None
 
-    def load(self) -> tuple[Picture, Targets]:
-        """The picture (h,w,3) BGR and its targets in pixels; DataError when the picture is broken."""
+    def load(self, fit_px: int = 0) -> tuple[Picture, Targets]:
+        """The picture (h,w,3) BGR, scaled to this longer side unless 0, and its targets in pixels.
+
+        Raises:
+            DataError: the picture is broken.
+        """
         picture = read_picture(self.path)
+        if fit_px:
+            scale = fit_px / max(picture.shape[:2])
+            size = [max(1, round(scale * side)) for side in picture.shape[1::-1]]
+            picture = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_LINEAR), np.uint8)
         height, width = picture.shape[:2]
         targets = self.boxes * np.array([1, width, height, width, height], np.float32)
         return picture, targets.astype(np.float32)

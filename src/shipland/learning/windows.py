@@ -11,17 +11,15 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from typing import Protocol
 
-import cv2
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
 
 from shipland.learning.augment import HARD_JITTER, Loader, training_window
-from shipland.learning.dataset import IGNORED, Dataset, Sample, Targets
+from shipland.learning.dataset import IGNORED, Dataset, Targets
 from shipland.learning.settings import AugmentParameters, TrainParameters
 from shipland.vision.pictures import Picture
 
@@ -91,13 +89,13 @@ class ResidentWindows:
     """
 
     def __init__(self, dataset: Dataset, parameters: TrainParameters, device: torch.device, threads: int) -> None:
-        fit_px = parameters.window_px if parameters.augment.fit else None
+        fit_px = parameters.window_px if parameters.augment.fit else 0
         self.parameters, self.device = parameters, device
         blocks: dict[tuple[int, ...], tuple[list[Picture], list[Targets]]] = {}
         self._place: list[tuple[tuple[int, ...], int]] = []
         # OpenCV lets go of Python's lock while it decodes.
         with ThreadPoolExecutor(max(1, threads)) as pool:
-            for picture, targets in pool.map(partial(_fitted, side_px=fit_px), dataset.samples):
+            for picture, targets in pool.map(lambda sample: sample.load(fit_px), dataset.samples):
                 pictures, rows = blocks.setdefault(picture.shape, ([], []))
                 self._place.append((picture.shape, len(pictures)))
                 pictures.append(picture)
@@ -233,19 +231,6 @@ class ResidentWindows:
         batch = torch.where(flipped[:, None, None, None], batch.flip(3), batch)
         column = torch.where(flipped[:, None], self.parameters.window_px - boxes[..., 1], boxes[..., 1])
         return batch, torch.cat([boxes[..., :1], column[..., None], boxes[..., 2:]], -1)
-
-
-def _fitted(sample: Sample, side_px: int | None) -> tuple[Picture, Targets]:
-    """A sample's picture and targets, scaled so that it just fits a window of that side; as they are for None."""
-    picture, targets = sample.load()
-    if side_px is None:
-        return picture, targets
-    height, width = picture.shape[:2]
-    scale = side_px / max(width, height)
-    size = (max(1, round(scale * width)), max(1, round(scale * height)))
-    shrunk = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_LINEAR), np.uint8)
-    sides = np.array([1.0, size[0] / width, size[1] / height, size[0] / width, size[1] / height], np.float32)
-    return shrunk, targets * sides
 
 
 def _clipped(boxes: Tensor, low: Tensor, high: Tensor) -> Tensor:
