@@ -6,8 +6,9 @@ and refuses a plain disarm while the deck moves; PX4 gives OFFBOARD only after s
 
 Words on standard input: `mode N`, `sticks ROLL PITCH THROTTLE YAW` (pulse widths; the rest stay, and none is no
 receiver), `silent S`, `reboot`, `deck` (a moving deck just below), `updraft` (it sinks evenly at 0.59 of the hover
-throttle), `lose NAME` (no answer for that parameter), `deaf N` (the next N requests for a mode are lost), `sick` (an
-unhealthy gyroscope), `well`, `report`. `report` answers a line of JSON on standard output.
+throttle), `lose NAME` (no answer for that parameter), `deaf N` (the next N requests for a mode are lost), `deny MODE`
+(requests for it are denied), `sick` (an unhealthy gyroscope), `well`, `report`. `report` answers a line of
+JSON on standard output.
 """
 
 from __future__ import annotations
@@ -56,6 +57,7 @@ class Autopilot:
         self.heartbeat_every = 100
         self.unanswered: set[str] = set()
         self.sick, self.deaf = False, 0
+        self.denied: set[int] = set()
         self.north = self.east = 0.0
         self.up = 10.0
         self.velocity = [0.0, 0.0, 0.0]  # north, east, up
@@ -137,6 +139,8 @@ class Autopilot:
         return 0
 
     def change_mode(self, main: int, sub: int) -> int:
+        if main in self.denied:
+            return 4
         if self.px4:
             if main == 6 and time.monotonic() - self.target_s > 0.5:
                 return 1
@@ -257,6 +261,8 @@ class Autopilot:
             self.updraft = True
         elif words[0] == "lose":
             self.unanswered.add(words[1])
+        elif words[0] == "deny":
+            self.denied = {int(words[1])}
         elif words[0] == "deaf":
             self.deaf = int(words[1])
         elif words[0] in ("sick", "well"):

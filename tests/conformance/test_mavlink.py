@@ -432,6 +432,21 @@ def test_where_the_autopilot_is_to_land_it_does_once_the_pilot_would(kind: str) 
         assert vehicle.end_reason.startswith("landed")
 
 
+@pytest.mark.parametrize("intent", [Intent.LAND, Intent.GO_AROUND])
+def test_a_persons_landing_is_not_taken_for_one_that_was_denied(intent: Intent) -> None:
+    with bench(engagement=Engagement(take=True, own_landing=True)) as (vehicle, autopilot, _):
+        vehicle.open()
+        autopilot.say("deny 9")
+        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert vehicle.in_command == "shipland"
+        assert fly(vehicle, 0.5, 0.0, 0.0, 40.0, 0.0, intent=intent)
+        before = set_points(autopilot)
+        autopilot.say("mode 9")
+        assert not fly(vehicle, 3.0, 0.0, 0.0, 0.0, 0.0, intent=intent)
+        assert "took over: LAND" in vehicle.end_reason
+        assert set_points(autopilot) <= before + 3
+
+
 def test_a_pilots_mode_ends_the_autopilots_own_landing_too() -> None:
     with bench(engagement=Engagement(take=True, own_landing=True)) as (vehicle, autopilot, _):
         vehicle.open()

@@ -4,6 +4,7 @@ import itertools
 import math
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -276,6 +277,20 @@ def test_a_hand_over_is_a_change_and_a_takeover_is_for_good() -> None:
     control.see(guided, loiter)
     control.see(loiter, guided)
     assert (control.has(guided), control.lost) == (False, "the pilot took over: LOITER")
+
+
+def test_a_landing_that_is_denied_is_not_ours_when_a_person_sets_it() -> None:
+    guided = AutopilotState(autopilot=ARDUPILOT, mode=4, armed=True)
+    landing = replace(guided, mode=9)
+    for result, lost in ((0, ""), (4, "the pilot took over: LAND")):
+        control = Control(80)
+        control.begin(guided, asking=True)
+        control.see(guided, guided)
+        control.hands_over = True
+        answered = replace(guided, acknowledged={m.MAV_CMD_DO_SET_MODE: (result, 1)})
+        control.see(guided, answered)
+        control.see(answered, landing)
+        assert (control.lands(landing), control.lost) == (not lost, lost)
 
 
 def test_a_clock_that_runs_slow_does_not_make_telemetry_look_old() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from shipland.vehicles.mavlink.dialect import dialect
 from shipland.vehicles.mavlink.modes import lands_by_itself, mode_name, obeys_us
 from shipland.vehicles.mavlink.state import AutopilotState
 
@@ -34,7 +35,7 @@ class Control:
         self.released = False
         """We have released it and requested a mode in which the autopilot holds by itself."""
         self.hands_over = False
-        """We have asked for the autopilot's own landing."""
+        """We ask for the autopilot's own landing, or have been given it; a request that is denied is none."""
 
     @property
     def asking(self) -> bool:
@@ -57,6 +58,9 @@ class Control:
         """Notice what a message has changed."""
         if self.lost or not self._begun:
             return
+        asked = dialect.MAV_CMD_DO_SET_MODE
+        if not self.lands(before) and after.denied(asked, before.answers(asked)):
+            self.hands_over = False
         ours = obeys_us(after) or self.lands(after)
         if not self.granted:
             self._left_guided = self._left_guided or not ours

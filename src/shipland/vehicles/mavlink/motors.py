@@ -62,11 +62,9 @@ class MotorStop:
     def _disarm(self, state: AutopilotState, now_s: float) -> None:
         """Ask politely; by force as soon as that was denied, or was not obeyed for a while."""
         number = dialect.MAV_CMD_COMPONENT_ARM_DISARM
-        result, answers = state.acknowledged.get(number, (0, 0))
-        done = (dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_IN_PROGRESS)
-        denied = self._asked == 1 and answers > self._answers and result not in done
+        denied = self._asked == 1 and state.denied(number, self._answers)
         if self._asked > 0 and not denied and now_s - self._asked_s < self._parameters.disarm_retry_s:
             return
-        self._asked_s, self._answers = now_s, answers
+        self._asked_s, self._answers = now_s, state.answers(number)
         self._asked += 1
         self._session.command(number, 0, FORCE if self._asked > 1 and self._parameters.force_disarm else 0)

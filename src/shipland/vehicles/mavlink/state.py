@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from shipland.frames import wrap_angle
+from shipland.vehicles.mavlink.dialect import dialect
 from shipland.vehicles.mavlink.health import (
     ardupilot_estimator_alert,
     heartbeat_alert,
@@ -36,6 +37,8 @@ _GIMBALS = {_AUTOPILOT, 154, 171, 172, 173, 174, 175}
 _ANY_COMPONENT = {"GIMBAL_DEVICE_ATTITUDE_STATUS", "RADIO_STATUS"}
 """Messages that count from others than the autopilot."""
 _FIRST_BATTERY = 0
+_DONE = (dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_IN_PROGRESS)
+"""Answers that do not deny."""
 _STICKS_US = (950, 2050)
 """Pulse widths of sticks; what lies outside is a receiver's word that it hears no transmitter."""
 
@@ -156,6 +159,15 @@ class AutopilotState:
     def reboots(self) -> int:
         """How often the autopilot has restarted."""
         return self.clock.restarts
+
+    def answers(self, command: int) -> int:
+        """How many commands of a number were answered."""
+        return self.acknowledged.get(command, (0, 0))[1]
+
+    def denied(self, command: int, answers: int) -> bool:
+        """Whether the last command of a number was denied, after the first `answers` of its answers."""
+        result, count = self.acknowledged.get(command, (0, 0))
+        return count > answers and result not in _DONE
 
     @property
     def round_trip_s(self) -> float:
@@ -306,8 +318,7 @@ def _parameter(state: AutopilotState, it: Any, _received_s: float) -> AutopilotS
 
 
 def _acknowledge(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
-    count = state.acknowledged.get(it.command, (0, 0))[1]
-    return replace(state, acknowledged=state.acknowledged | {it.command: (it.result, count + 1)})
+    return replace(state, acknowledged=state.acknowledged | {it.command: (it.result, state.answers(it.command) + 1)})
 
 
 def _text(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401

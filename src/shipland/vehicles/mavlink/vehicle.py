@@ -249,8 +249,8 @@ class MavlinkVehicle(SetpointVehicle):
             wanted = pressed(self.response(), state.velocity_in_level_mps, self._press_mps)
         self._set_point(wanted, state, step_s, boot_ms)
         self._aim(newest, now_s)
-        if newest is not None and newest.intent is Intent.LAND and self._setup.engagement.own_landing:
-            self._let_it_land(state, now_s)
+        if self._setup.engagement.own_landing:
+            self._let_it_land(newest is not None and newest.intent is Intent.LAND, state, now_s)
 
     def _may_command(self, state: AutopilotState) -> bool:
         """Whether set-points may leave: control is ours now.
@@ -272,10 +272,12 @@ class MavlinkVehicle(SetpointVehicle):
         else:
             session.link.send(self._tilts.message(wanted, state.heading_rad, step_s, boot_ms))
 
-    def _let_it_land(self, state: AutopilotState, now_s: float) -> None:
-        """Ask for the autopilot's own landing; until it is given, the pilot's goes on."""
-        self._control.hands_over = True
-        if now_s - self._handed_s > _HAND_OVER_S:
+    def _let_it_land(self, landing: bool, state: AutopilotState, now_s: float) -> None:
+        """Ask for the autopilot's own landing while the pilot lands; until it is given, the pilot's goes on."""
+        if not landing:
+            self._control.hands_over = False
+        elif now_s - self._handed_s > _HAND_OVER_S:
+            self._control.hands_over = True
             self.session.command(dialect.MAV_CMD_DO_SET_MODE, 1, *own_landing(state))
             self._handed_s = now_s
 
