@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shipland.estimation.relative_state import POSITION, STATES, WAVE, Model, updated
+from shipland.estimation.relative_state import POSITION, STATES, VELOCITY, WAVE, GaussianState, Model, dynamics, updated
 from shipland.estimation.wave_motion import WaveMotion
 from shipland.frames import Array
 from shipland.guidance.horizon.assumptions import motion_of
@@ -30,7 +30,11 @@ STEP_MS = 33
 PLACE_M = 0.005
 """Standard deviation of a picture's place near the bar."""
 VELOCITY_EVERY = 6
-"""Pictures for one velocity: 5 Hz."""
+"""Pictures for one velocity: 5 Hz, as old as they are."""
+FRESH_S = 0.03
+"""Age of a velocity that comes with every picture."""
+ACCELEROMETER_MPS2 = 0.3
+"""Standard deviation of a horizontal acceleration: half a degree of attitude is 0.09 m/s², rotors shake the rest."""
 FREE = {"acceleration": 1e-5, "input_rate": 1e-8}
 
 
@@ -56,7 +60,9 @@ AXES = (
 )
 
 
-def hover_m(axis: Axis, horizon: HorizonParameters, response: Response, delay_s: float, free: bool) -> float:
+def hover_m(
+    axis: Axis, horizon: HorizonParameters, response: Response, delay_s: float, free: bool, acceleration_mps2: float = 0
+) -> float:
     """Standard deviation of the offset from the deck's centre.
 
     Args:
@@ -65,18 +71,33 @@ def hover_m(axis: Axis, horizon: HorizonParameters, response: Response, delay_s:
         response: of the vehicle.
         delay_s: from a picture's exposure to the first answer to it.
         free: acceleration and stick cost next to nothing.
+        acceleration_mps2: standard deviation of an acceleration that comes with every picture, only `FRESH_S` old, and
+            the velocity with it; infinite: that velocity alone; 0: velocities at 5 Hz, as old as the pictures.
     """
     noise = replace(horizon.horizontal_at(axis.gust_mps2), gust_mps2=axis.gust_mps2)
     wave = WaveMotion(axis.wave_m, 2.1, horizon.wave.damping, True, (axis.deck, 0.0, 0.0, 0.0))
-    model = Model(1, motion_of(response), noise, wave)
-    estimate = model.start(0.0, np.zeros(1), 0.01 * np.eye(1), 0.5)
+    model, still = Model(1, motion_of(response), noise, wave), np.zeros(1)
+    rate = dynamics(model.motion, noise, wave)[0][[VELOCITY]]
+
+    def with_telemetry(estimate: GaussianState) -> GaussianState:
+        velocity = model.velocity(estimate, 0.5, horizon.delayed.flow_settle_s)
+        estimate = updated(estimate, velocity, still, horizon.measured.velocity_mps**2 * np.eye(1))[0]
+        if not 0.0 < acceleration_mps2 < math.inf:
+            return estimate
+        return updated(estimate, (rate @ estimate.mean, rate), still, acceleration_mps2**2 * np.eye(1))[0]
+
+    estimate = model.start(0.0, still, 0.01 * np.eye(1), 0.5)
     for index in range(900):
         estimate = model.predicted(estimate, STEP_MS, np.zeros(model.motion.inputs))
-        estimate = updated(estimate, model.pose(estimate), np.zeros(1), PLACE_M**2 * np.eye(1))[0]
-        if index % VELOCITY_EVERY == 0:
-            velocity = model.velocity(estimate, 0.5, horizon.delayed.flow_settle_s)
-            estimate = updated(estimate, velocity, np.zeros(1), horizon.measured.velocity_mps**2 * np.eye(1))[0]
-    error = model.predicted(estimate, round(1e3 * delay_s), np.zeros(model.motion.inputs)).covariance
+        estimate = updated(estimate, model.pose(estimate), still, PLACE_M**2 * np.eye(1))[0]
+        if acceleration_mps2 > 0.0 or index % VELOCITY_EVERY == 0:
+            estimate = with_telemetry(estimate)
+    younger_s = delay_s - response.uplink_s - response.dead_time_s - FRESH_S
+    younger = int(1e3 * younger_s / STEP_MS) if acceleration_mps2 > 0.0 else 0
+    for _ in range(younger):
+        estimate = with_telemetry(model.predicted(estimate, STEP_MS, np.zeros(model.motion.inputs)))
+    left_ms = round(1e3 * delay_s) - younger * STEP_MS
+    error = model.predicted(estimate, left_ms, np.zeros(model.motion.inputs)).covariance
     transition, inputs, spread = model.step(STEP_MS)
     weights = replace(horizon.weights, **FREE) if free else horizon.weights
     closed = np.eye(STATES + 1)
@@ -109,6 +130,8 @@ def measure(case: Case, _runs: int) -> Row:
         "gains_m": hover_m(axis, horizon, response, delay_s, free=False),
         "bound_m": hover_m(axis, horizon, response, delay_s, free=True),
         "half_delay_m": hover_m(axis, horizon, response, 0.5 * delay_s, free=True),
+        "velocity_m": hover_m(axis, horizon, response, delay_s, True, math.inf),
+        "acceleration_m": hover_m(axis, horizon, response, delay_s, True, ACCELEROMETER_MPS2),
     }
 
 
@@ -119,6 +142,8 @@ STUDY = Study(
         "gains_m": Column("the pilot's gains", ".1f", 100.0),
         "bound_m": Column("no caution (LQG bound)", ".1f", 100.0),
         "half_delay_m": Column("no caution, half the delay", ".1f", 100.0),
+        "velocity_m": Column("no caution, velocity at 30 Hz", ".1f", 100.0),
+        "acceleration_m": Column("and acceleration to 0.3 m/s²", ".1f", 100.0),
     },
     cases=cases,
     measure=measure,

@@ -27,7 +27,7 @@ UNMEASURED = frozenset(
     """
     speed_far speed_peers
     consistency clock pose_error film_errors far_vision frigate_recall
-    false_accepts confirmation published_gains moment margins winds measurements faults full hazards
+    false_accepts confirmation published_gains moment margins ablation winds measurements faults full hazards
     frigate wake headline far_rendered frigate_rendered policies envelope
     """.split()  # noqa: SIM905
 )
