@@ -125,9 +125,18 @@ def _cells(table: dict[str, Any]) -> Iterator[Cell]:
                     yield Cell(case, scenario, texts, vision, merge(file, entry.get("config", {})))
 
 
+@lru_cache
+def _code() -> str:
+    """Digest of the code that a landing depends on."""
+    return digest([ROOT / "src" / "shipland" / part for part in MEASURED])
+
+
 def fly(scenario: Scenario, pilot: str, vision: str, runs: int) -> list[Landing]:
-    """Landings with the seeds 1 … runs; each is kept in out/studies/flights and flown once for all studies."""
-    key = campaign_key(scenario, pilot, vision)
+    """Landings with the seeds 1 … runs; each is kept in out/studies/flights and flown once for all studies.
+
+    A change of code that no landing depends on keeps them.
+    """
+    key = campaign_key(scenario, pilot, vision) | {"source": _code()}
     by = key | {"command": "", "version": "", "policies": digest([ROOT / "src" / "shipland" / "weights" / "policies"])}
     out = PARTS / "flights" / config_digest(by)
     folder = folder_in(out, key)  # not claimed: whoever flies a seed too appends the same row
