@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from shipland.estimation.relative_state import discretised
-from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
+from shipland.estimation.waves import WAVE_STATES, WaveMotion
 from shipland.frames import Array
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.scenario.autonomy import drawn_ship
@@ -102,6 +102,6 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=16,
-    measured=("estimation/wave_bank.py", "estimation/wave_motion.py", "frames.py", "rig.py", "scenario", "sim/ship"),
+    measured=("estimation/waves.py", "frames.py", "rig.py", "scenario", "sim/ship"),
     minutes=1,
 )

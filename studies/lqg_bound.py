@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shipland.estimation.relative_state import POSITION, STATES, VELOCITY, WAVE, GaussianState, Model, dynamics, updated
-from shipland.estimation.wave_motion import WaveMotion
+from shipland.estimation.waves import WaveMotion
 from shipland.frames import Array
 from shipland.guidance.horizon.assumptions import motion_of
 from shipland.guidance.horizon.gains import gains_of

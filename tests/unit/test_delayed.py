@@ -7,7 +7,7 @@ import pytest
 
 from shipland.estimation.delayed import DelayedFilter, DelayedParameters, Inputs
 from shipland.estimation.relative_state import POSITION, STATES, VELOCITY, AxisModel, Disturbances, Model
-from shipland.estimation.wave_motion import WaveMotion
+from shipland.estimation.waves import WaveMotion
 
 NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02)
 MODEL = Model(2, AxisModel(0.06, 0.4), NOISE, WaveMotion(1e-3, 1.8, 0.1))

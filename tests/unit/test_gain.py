@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from shipland.estimation.banks import GainBank, GainParameters
 from shipland.estimation.delayed import DelayedFilter, DelayedParameters, Inputs
-from shipland.estimation.gain import GainBank, GainParameters
 from shipland.estimation.relative_state import POSITION, STATES, AxisModel, Disturbances, Model
-from shipland.estimation.wave_motion import WaveMotion
+from shipland.estimation.waves import WaveMotion
 
 MOTION, NOISE = AxisModel(0.1, 0.4), Disturbances(0.3, 1.5, 1.0, 300.0, 0.1, 300.0, 1e-3)
 MODELS = {gain: Model(2, replace(MOTION, gain=gain), NOISE, WaveMotion(1e-3, 1.8, 0.1)) for gain in (0.8, 1.0, 1.25)}

@@ -5,8 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from shipland.estimation.heading import Compass, HeadingNoise, first_headings, headings_at, with_compass, with_pose
-from shipland.guidance.horizon.heading_filters import HeadingFilters
+from shipland.estimation.heading import (
+    Compass,
+    HeadingFilters,
+    HeadingNoise,
+    first_headings,
+    headings_at,
+    with_compass,
+    with_pose,
+)
 from shipland.messages import BarPose
 from shipland.scenario.scenario import load_scenario
 

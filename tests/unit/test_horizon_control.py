@@ -21,7 +21,7 @@ from shipland.estimation.relative_state import (
     discretised,
     dynamics,
 )
-from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
+from shipland.estimation.waves import WAVE_STATES, WaveMotion
 from shipland.frames import Array
 from shipland.guidance.horizon.descent import Descent, Outlook, Phase, contact_in_s, next_descent
 from shipland.guidance.horizon.gains import INPUT, Gains, gains_of

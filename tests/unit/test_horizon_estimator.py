@@ -8,7 +8,7 @@ import pytest
 
 from shipland.camera import Camera
 from shipland.estimation.relative_state import GUST, POSITION, STATES, WAVE, WIND
-from shipland.estimation.wave_motion import WAVE_STATES
+from shipland.estimation.waves import WAVE_STATES
 from shipland.frames import GRAVITY_MPS2, rotated
 from shipland.guidance.horizon.estimator import Estimator, _in_bar
 from shipland.guidance.horizon.goals import Goals

@@ -21,7 +21,7 @@ from shipland.estimation.relative_state import (
     less_wave,
     position_covariance,
 )
-from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
+from shipland.estimation.waves import WAVE_STATES, WaveMotion
 
 NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02)
 MOTION, SWING_OF_SHIP = AxisModel(0.06, 0.4), WaveMotion(0.12, 1.8, 0.1)

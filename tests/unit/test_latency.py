@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from shipland.estimation.banks import LatencyBank, LatencyParameters
 from shipland.estimation.delayed import DelayedFilter, DelayedParameters, Inputs
-from shipland.estimation.latency import LatencyBank, LatencyParameters
 from shipland.estimation.relative_state import POSITION, STATES, AxisModel, Disturbances, Model
-from shipland.estimation.wave_motion import WaveMotion
+from shipland.estimation.waves import WaveMotion
 
 MODEL = Model(2, AxisModel(0.1, 0.4), Disturbances(0.02, 1.5, 0.02, 20.0, 0.1, 300.0, 1e-4), WaveMotion(1e-3, 1.8, 0.1))
 DELAYED = DelayedParameters(16.0, 40.0, 0.05, 0.5, 1.0, 0.0, 0.6)

@@ -23,7 +23,7 @@ from shipland.estimation.relative_state import (
     dynamics,
     updated,
 )
-from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
+from shipland.estimation.waves import WAVE_STATES, WaveMotion
 
 NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02)
 TILT, SERVO = AxisModel(0.06, 0.4), AxisModel(0.15, 0.0, 2.0)

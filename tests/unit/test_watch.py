@@ -10,7 +10,7 @@ from shipland.config import merge
 from shipland.errors import ConfigError
 from shipland.estimation.delayed import DelayedFilter, DelayedParameters, Inputs
 from shipland.estimation.relative_state import POSITION, WAVE, AxisModel, Disturbances, Model
-from shipland.estimation.wave_motion import WaveMotion
+from shipland.estimation.waves import WaveMotion
 from shipland.guidance.horizon.descent import GimbalLookDown, Outlook, Phase, next_descent, next_look_down
 from shipland.guidance.horizon.parameters import DescentParameters
 from shipland.guidance.modes import ModeMemory, ModeParameters, Situation, next_mode

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shipland.estimation.wave_bank import WaveBank, WaveParameters
+from shipland.estimation.waves import WaveBank, WaveParameters
 
 PARAMETERS = WaveParameters()
 BANK = WaveBank(PARAMETERS)

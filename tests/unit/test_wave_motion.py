@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from shipland.estimation.relative_state import STATES, WAVE, AxisModel, Disturbances, Model, WaveShares
-from shipland.estimation.wave_motion import WaveMotion
+from shipland.estimation.relative_state import STATES, WAVE, AxisModel, Disturbances, Model
+from shipland.estimation.waves import WaveMotion, WaveShares
 
 SHIP = WaveMotion(0.12, 2.0, 0.2)
 NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02)

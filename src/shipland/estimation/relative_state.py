@@ -34,7 +34,7 @@ import numpy as np
 from shipland.compiled import compiled
 from shipland.config import key, parameters
 from shipland.estimation.kernels import STRIDE_MS, Step, compose, correct, predicted_covariance, propagate_covariance
-from shipland.estimation.wave_motion import WAVE_STATES, Output, WaveMotion
+from shipland.estimation.waves import WAVE_STATES, Output, WaveMotion, WaveShares
 from shipland.frames import Array
 
 POSITION, VELOCITY, ACTUATION, GUST, WIND, VELOCITY_BIAS, WAVE, WAVE_RATE = range(8)
@@ -148,22 +148,6 @@ def discretised(a: Array, b: Array, q: Array, step_s: float) -> tuple[Array, Arr
     transition = result[n:, n:].T
     covariance = transition @ result[:n, n:]
     return moved[:n, :n], moved[:n, n:], 0.5 * (covariance + covariance.T)
-
-
-@parameters
-class WaveShares:
-    """Wave motion along the axes of the ship, as shares of its heave."""
-
-    along: float = key(0.25, "of the ship's surge")
-    across: float = key(1.0, "of the ship's sway")
-    along_rad: float = key(0.0, "direction of the ship's axis in the axes of the flight")
-
-    @property
-    def shape(self) -> Array:
-        """(2,2) squared shares, in the axes of the flight."""
-        ahead = np.array([math.cos(self.along_rad), math.sin(self.along_rad)])
-        aside = np.array([-ahead[1], ahead[0]])
-        return self.along**2 * np.outer(ahead, ahead) + self.across**2 * np.outer(aside, aside)
 
 
 class Model:

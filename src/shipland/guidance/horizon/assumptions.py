@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from shipland.estimation.heading import Headings
-from shipland.estimation.relative_state import AxisModel, Disturbances, Model, WaveShares
-from shipland.estimation.wave_motion import WaveMotion
+from shipland.estimation.relative_state import AxisModel, Disturbances, Model
+from shipland.estimation.waves import WaveMotion, WaveShares
 from shipland.frames import Array, wrap_angle
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.response import Response

@@ -19,7 +19,7 @@ from shipland.estimation.relative_state import (
     Model,
     position_covariance,
 )
-from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
+from shipland.estimation.waves import WAVE_STATES, WaveMotion
 from shipland.frames import Array, rotated
 
 _STEP_MS = 20

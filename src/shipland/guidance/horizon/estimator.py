@@ -13,10 +13,9 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.compiled import compiled
+from shipland.estimation.banks import GainBank, LatencyBank
 from shipland.estimation.delayed import DelayedFilter
-from shipland.estimation.gain import GainBank
-from shipland.estimation.heading import Headings
-from shipland.estimation.latency import LatencyBank
+from shipland.estimation.heading import HeadingFilters, Headings
 from shipland.estimation.relative_state import (
     GUST,
     POSITION,
@@ -28,11 +27,10 @@ from shipland.estimation.relative_state import (
     less_wave,
     position_covariance,
 )
-from shipland.estimation.wave_motion import Output
+from shipland.estimation.waves import Output
 from shipland.frames import Array, all_finite, rotated, wrap_angle
 from shipland.guidance.horizon.assumptions import Assumptions, motion_of, ship_in_view
 from shipland.guidance.horizon.estimated import Actuation, Estimated
-from shipland.guidance.horizon.heading_filters import HeadingFilters
 from shipland.guidance.horizon.heave import HeaveTracker
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.horizon.places import HeightGate, Places, SeenPlace

@@ -25,7 +25,7 @@ from shipland.estimation.relative_state import (
     dynamics,
     shaping,
 )
-from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
+from shipland.estimation.waves import WAVE_STATES, WaveMotion
 from shipland.frames import Array
 
 INPUT_RATE_SHARE = 2.0

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from shipland.estimation.delayed import Inputs
-from shipland.estimation.wave_bank import WaveBank, WaveEstimate, WaveParameters
-from shipland.estimation.wave_motion import WaveMotion
+from shipland.estimation.waves import WaveBank, WaveEstimate, WaveMotion, WaveParameters
 
 
 class HeaveTracker:

@@ -6,12 +6,11 @@ from dataclasses import replace
 from typing import Literal
 
 from shipland.config import key, parameters, require, scaled
+from shipland.estimation.banks import GainParameters, LatencyParameters
 from shipland.estimation.delayed import DelayedParameters
-from shipland.estimation.gain import GainParameters
 from shipland.estimation.heading import HeadingNoise
-from shipland.estimation.latency import LatencyParameters
 from shipland.estimation.relative_state import Disturbances
-from shipland.estimation.wave_bank import WaveParameters
+from shipland.estimation.waves import WaveParameters
 from shipland.guidance.horizon.gains import Weights
 from shipland.guidance.horizon.levelling import LevellingParameters
 

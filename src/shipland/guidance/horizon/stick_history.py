@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from shipland.estimation.delayed import Inputs
+from shipland.estimation.heading import HeadingFilters
 from shipland.estimation.relative_state import AxisModel
 from shipland.frames import GRAVITY_MPS2, Array, rotated
-from shipland.guidance.horizon.heading_filters import HeadingFilters
 from shipland.guidance.horizon.servo import ShapedSpeed
 from shipland.guidance.response import Response
 from shipland.messages import PilotCommand, Telemetry
