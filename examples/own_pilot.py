@@ -6,8 +6,7 @@ shipland campaign --pilot horizon,own_pilot:patient --runs 100                  
 
 from dataclasses import replace
 
-from shipland.guidance.pilot import Pilot, PilotSetup
-from shipland.guidance.pilots import horizon
+from shipland.guidance.pilot import Pilot, PilotSetup, horizon
 from shipland.messages import Decision, Observation, PilotCommand, Telemetry
 
 CALM_S = 5.0

@@ -5,10 +5,10 @@ shipland campaign --pilot own_rival:proportional,velocity_matching --runs 100 --
 """
 
 from shipland.guidance.far import FarTables, far_control
-from shipland.guidance.laws import clamp
 from shipland.guidance.mode_pilot import ModePilot
-from shipland.guidance.near import HOLD, MeasuredError, NearEstimate, SticksPercent
+from shipland.guidance.near import MeasuredError, NearEstimate
 from shipland.guidance.pilot import Pilot, PilotSetup
+from shipland.guidance.response import HOLD, SticksPercent, clamp
 
 GAIN_PER_S, MOST_MPS = 0.5, 1.5
 

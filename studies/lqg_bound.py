@@ -17,8 +17,8 @@ from shipland.estimation.relative_state import POSITION, STATES, VELOCITY, WAVE,
 from shipland.estimation.waves import WaveMotion
 from shipland.frames import Array
 from shipland.guidance.horizon.assumptions import motion_of
-from shipland.guidance.horizon.gains import gains_of
 from shipland.guidance.horizon.parameters import HorizonParameters
+from shipland.guidance.horizon.regulator import gains_of
 from shipland.guidance.response import Response
 from shipland.scenario.autonomy import response_of
 from shipland.scenario.scenario import load_scenario

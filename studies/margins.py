@@ -12,8 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from shipland.guidance.pilot import Pilot, PilotSetup
-from shipland.guidance.pilots import horizon, learned, residual
+from shipland.guidance.pilot import Pilot, PilotSetup, horizon, learned, residual
 from shipland.guidance.response import Response
 from shipland.scenario.fly import fly_quietly
 from shipland.scenario.scenario import load_scenario

@@ -12,7 +12,8 @@ from typing import Any, get_args
 
 import numpy as np
 
-from shipland.guidance.laws import FarVariant, derivative_gain, exponential_law
+from shipland.guidance.laws import derivative_gain, exponential_law
+from shipland.guidance.parameters import FarVariant
 from shipland.reproduce import far
 from shipland.reproduce.near import CONTROLS as DERIVATIVES
 from shipland.reproduce.near import FALSE_M, NOISE_M, fly_hover, near_figures

@@ -209,7 +209,7 @@ class Spoiled:
 
 def results(rng: np.random.Generator) -> None:
     """A pilot and a vision of a user's that give back anything: no cycle raises, every command is one."""
-    from shipland.guidance.pilots import paper
+    from shipland.guidance.pilot import paper
 
     def pilot(setup: Any) -> Spoiled:  # noqa: ANN401
         return Spoiled(paper(setup), "decide", rng)

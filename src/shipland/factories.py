@@ -23,16 +23,16 @@ Factory = Callable[..., Any]
 
 PACKAGED: dict[str, dict[str, str]] = {
     "pilots": {
-        "deck_following": "shipland.guidance.pilots:deck_following",
-        "horizon": "shipland.guidance.pilots:horizon",
-        "image_servoing": "shipland.guidance.pilots:image_servoing",
-        "learned": "shipland.guidance.pilots:learned",
-        "p": "shipland.guidance.pilots:p",
-        "paper": "shipland.guidance.pilots:paper",
-        "pid": "shipland.guidance.pilots:pid",
-        "residual": "shipland.guidance.pilots:residual",
-        "spectral_mpc": "shipland.guidance.pilots:spectral_mpc",
-        "velocity_matching": "shipland.guidance.pilots:velocity_matching",
+        "deck_following": "shipland.guidance.pilot:deck_following",
+        "horizon": "shipland.guidance.pilot:horizon",
+        "image_servoing": "shipland.guidance.pilot:image_servoing",
+        "learned": "shipland.guidance.pilot:learned",
+        "p": "shipland.guidance.pilot:p",
+        "paper": "shipland.guidance.pilot:paper",
+        "pid": "shipland.guidance.pilot:pid",
+        "residual": "shipland.guidance.pilot:residual",
+        "spectral_mpc": "shipland.guidance.pilot:spectral_mpc",
+        "velocity_matching": "shipland.guidance.pilot:velocity_matching",
     },
     "visions": {
         "geometric": "shipland.scenario.visions:geometric",

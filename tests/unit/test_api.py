@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import shipland
-from shipland.guidance.pilots import paper
+from shipland.guidance.pilot import paper
 from shipland.record.info import config_digest
 from shipland.record.reader import read_log
 from shipland.report.palette import BLUE

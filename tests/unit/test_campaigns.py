@@ -15,7 +15,7 @@ from shipland.errors import ConfigError, DataError
 from shipland.evaluation import job
 from shipland.evaluation.landing import NAN, column_of
 from shipland.factories import name_of
-from shipland.guidance.pilots import horizon, paper
+from shipland.guidance.pilot import horizon, paper
 from shipland.scenario.scenario import load_scenario
 from shipland.statistics import share_interval
 
@@ -83,8 +83,8 @@ def test_scenarios_and_pilots_may_be_objects(made_up):
     windy = load_scenario("near", wind={"mean_mps": 4.0}, name="windy")
     found = grid(pilot=[paper, horizon], settings=())
     assert [cell.pilot for cell in found.cells] == [
-        "shipland.guidance.pilots:paper",
-        "shipland.guidance.pilots:horizon",
+        "shipland.guidance.pilot:paper",
+        "shipland.guidance.pilot:horizon",
     ]
     found = shipland.campaign([windy, "near"], settings=["time_limit_s=3"], runs=1, workers=1, progress=False)
     assert [cell.scenario for cell in found.cells] == ["windy", "near"]
@@ -165,7 +165,7 @@ def test_the_usual_progress_names_flights_that_were_lost(made_up, monkeypatch, c
 SCRIPT = '''
 import os
 import shipland
-from shipland.guidance.pilots import paper
+from shipland.guidance.pilot import paper
 
 print("the script runs")
 

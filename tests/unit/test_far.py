@@ -20,8 +20,8 @@ from shipland.guidance.far import (
     PublishedFar,
     far_control,
 )
-from shipland.guidance.laws import PidGains, PidMemory, exponential_law, pid_law
-from shipland.guidance.parameters import GuidanceParameters
+from shipland.guidance.laws import PidMemory, exponential_law, pid_law
+from shipland.guidance.parameters import GuidanceParameters, PidGains
 from shipland.messages import Box
 
 PARAMETERS = GuidanceParameters()

@@ -24,11 +24,11 @@ from shipland.estimation.relative_state import (
 from shipland.estimation.waves import WAVE_STATES, WaveMotion
 from shipland.frames import Array
 from shipland.guidance.horizon.descent import Descent, Outlook, Phase, contact_in_s, next_descent
-from shipland.guidance.horizon.gains import INPUT, Gains, gains_of
+from shipland.guidance.horizon.guidance import Pace, at_rest, moved, reference_reset
 from shipland.guidance.horizon.odds import Odds
 from shipland.guidance.horizon.parameters import HorizonParameters
-from shipland.guidance.horizon.reference import Pace, at_rest, moved, reference_reset
-from shipland.guidance.horizon.servo import ShapedSpeed
+from shipland.guidance.horizon.regulator import INPUT, Gains, gains_of
+from shipland.guidance.horizon.stick_history import ShapedSpeed
 from shipland.guidance.response import ANAFI_LIKE
 
 PARAMETERS = HorizonParameters()

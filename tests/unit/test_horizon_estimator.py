@@ -11,7 +11,7 @@ from shipland.estimation.relative_state import GUST, POSITION, STATES, WAVE, WIN
 from shipland.estimation.waves import WAVE_STATES
 from shipland.frames import GRAVITY_MPS2, rotated
 from shipland.guidance.horizon.estimator import Estimator, _in_bar
-from shipland.guidance.horizon.goals import Goals
+from shipland.guidance.horizon.guidance import Goals
 from shipland.guidance.parameters import GuidanceParameters
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.guidance.view import View

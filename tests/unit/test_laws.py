@@ -6,20 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipland.guidance.laws import (
-    FarGains,
-    NearGains,
-    NearMemory,
-    PidGains,
-    PidMemory,
-    clamp,
-    derivative_gain,
-    exponential_law,
-    near_law,
-    pid_law,
-)
-from shipland.guidance.near import NearParameters
-from shipland.guidance.parameters import GuidanceParameters
+from shipland.guidance.laws import NearMemory, PidMemory, derivative_gain, exponential_law, near_law, pid_law
+from shipland.guidance.parameters import FarGains, GuidanceParameters, NearGains, NearParameters, PidGains
+from shipland.guidance.response import clamp
 
 TABLE_1 = {  # [Lee2022, Table 1]: m, a, c, d
     ("ship", "pitch"): (0.008, 0.0, 5000.0, 0.0),

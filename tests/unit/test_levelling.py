@@ -8,12 +8,9 @@ import pytest
 
 from responses import SPEED_LIKE
 from shipland.errors import ConfigError
-from shipland.guidance.horizon.levelling import (
-    LevellingParameters,
-    odds_of_tilt,
-    speed_near_contact,
-    tilt_near_contact,
-)
+from shipland.guidance.horizon.odds import odds_of_tilt
+from shipland.guidance.horizon.parameters import LevellingParameters
+from shipland.guidance.horizon.regulator import speed_near_contact, tilt_near_contact
 from shipland.guidance.response import ANAFI_LIKE
 
 LEVELLING = LevellingParameters(tilt_deg=10.0, lags=1.5, tilt_max_deg=25.0, tilt_std_deg=5.0)

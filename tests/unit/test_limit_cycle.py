@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from shipland.guidance.horizon.limit_cycle import LimitCycleDetector
+from shipland.guidance.horizon.guidance import LimitCycleDetector
 
 
 def after(seconds: float, share_of: Callable[[float], tuple[float, float]]) -> LimitCycleDetector:

@@ -9,11 +9,11 @@ import pytest
 
 from responses import SPEED_LIKE
 from shipland.frames import GRAVITY_MPS2, rotation_from_euler
-from shipland.guidance.laws import PidGains, PidMemory, pid_law
+from shipland.guidance.laws import PidMemory, pid_law
 from shipland.guidance.linear import LinearNear
-from shipland.guidance.near import HOLD, MeasuredError
-from shipland.guidance.parameters import GuidanceParameters, NearBaselines
-from shipland.guidance.response import ANAFI_LIKE
+from shipland.guidance.near import MeasuredError
+from shipland.guidance.parameters import GuidanceParameters, NearBaselines, PidGains
+from shipland.guidance.response import ANAFI_LIKE, HOLD
 from shipland.guidance.simc import Plant, horizontal_plant, simc_p, simc_pid, vertical_plant, yaw_plant
 
 BASELINES = GuidanceParameters().near_baselines

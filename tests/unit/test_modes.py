@@ -6,7 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipland.guidance.modes import ModeMemory, ModeParameters, Situation, next_mode
+from shipland.guidance.modes import ModeMemory, Situation, next_mode
+from shipland.guidance.parameters import ModeParameters
 from shipland.messages import BarPose, Box, GimbalAttitude, Mode, Observation
 
 PARAMETERS = ModeParameters()

@@ -10,8 +10,7 @@ from shipland.camera import Camera
 from shipland.frames import rotation_from_euler
 from shipland.guidance.near import measure
 from shipland.guidance.parameters import GuidanceParameters
-from shipland.guidance.pilot import PilotSetup
-from shipland.guidance.pilots import horizon, paper
+from shipland.guidance.pilot import PilotSetup, horizon, paper
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.messages import BarPose, Box, GimbalAttitude, Intent, Mode, Observation, Telemetry
 from shipland.rig import Rig

@@ -103,7 +103,7 @@ def own_code(tmp_path, monkeypatch):
     """A folder with a module that leaves a mark when it is imported, and whether it was."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    lines = ["from pathlib import Path", "from shipland.guidance.pilots import paper as pilot"]
+    lines = ["from pathlib import Path", "from shipland.guidance.pilot import paper as pilot"]
     lines += ["from shipland.scenario.visions import geometric as vision", "Path('imported').touch()"]
     (tmp_path / "left_by_someone.py").write_text("\n".join(lines))
     yield lambda: (tmp_path / "imported").exists()

@@ -8,9 +8,9 @@ import pytest
 
 from shipland.camera import Camera, CameraParameters, level_from_camera
 from shipland.frames import rotation_from_euler
-from shipland.guidance.near import HOLD, MeasuredError
+from shipland.guidance.near import MeasuredError
 from shipland.guidance.parameters import ImageServoingParameters, SpectralMpcParameters
-from shipland.guidance.response import ANAFI_LIKE
+from shipland.guidance.response import ANAFI_LIKE, HOLD
 from shipland.guidance.rivals.image_servoing import ImageServoing, _interaction
 from shipland.guidance.rivals.spectral_mpc import STEP_S, Waves
 from shipland.messages import GimbalAttitude

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shipland.guidance.search import SearchParameters, search
+from shipland.guidance.parameters import SearchParameters
+from shipland.guidance.view import search
 
 PARAMETERS = SearchParameters()
 LOOKING_S = PARAMETERS.look_s * len(PARAMETERS.camera_pitch_deg)

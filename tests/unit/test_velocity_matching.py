@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from shipland.guidance.near import HOLD, MeasuredError
+from shipland.guidance.near import MeasuredError
 from shipland.guidance.parameters import VelocityMatchingParameters
-from shipland.guidance.response import ANAFI_LIKE
+from shipland.guidance.response import ANAFI_LIKE, HOLD
 from shipland.guidance.rivals.velocity_matching import VelocityMatching
 
 STEP_S = 1.0 / 30.0

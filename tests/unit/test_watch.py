@@ -13,7 +13,8 @@ from shipland.estimation.relative_state import POSITION, WAVE, AxisModel, Distur
 from shipland.estimation.waves import WaveMotion
 from shipland.guidance.horizon.descent import GimbalLookDown, Outlook, Phase, next_descent, next_look_down
 from shipland.guidance.horizon.parameters import DescentParameters
-from shipland.guidance.modes import ModeMemory, ModeParameters, Situation, next_mode
+from shipland.guidance.modes import ModeMemory, Situation, next_mode
+from shipland.guidance.parameters import ModeParameters
 from shipland.messages import BarPose, DeckSight, Frame, GimbalAttitude, Mode, Observation, Telemetry
 from shipland.rig import Rig
 from shipland.safety.estimate import SafetyEstimator

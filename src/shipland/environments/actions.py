@@ -9,12 +9,10 @@ from typing import Protocol
 import numpy as np
 
 from shipland.frames import Array
-from shipland.guidance.gimbal import box_elevation_rad, smoothed_rad
 from shipland.guidance.horizon.pilot import HorizonPilot
-from shipland.guidance.horizon.steering import Action, Steered
+from shipland.guidance.horizon.steering import Action, Steered, Steering, steered
 from shipland.guidance.pilot import Pilot, PilotSetup
-from shipland.guidance.search import search
-from shipland.guidance.view import View
+from shipland.guidance.view import View, box_elevation_rad, search, smoothed_rad
 from shipland.messages import Decision, Intent, Observation, PilotCommand, Telemetry
 
 STICKS = 4
@@ -110,7 +108,7 @@ class ResidualPilot:
         return replace(decision, command=command)
 
 
-class SteeredPilot:
+class SteeredPilot(Steering):
     """The pilot `horizon` with the action in the place of a learned policy; it plans before the action is known.
 
     Args:
@@ -126,7 +124,8 @@ class SteeredPilot:
     def look(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Steered | None:
         """Plan a cycle; what a policy sees of it, None where it would not be asked."""
         self._planned = self._pilot.plan(observation, telemetry, sent)
-        seen = self._pilot.steered(self._planned)
+        asked = self._pilot.own_input(self._planned)
+        seen = None if asked is None else steered(*asked)
         return seen if seen is not None and self._meaning.applies(seen) else None
 
     def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:  # noqa: ARG002

@@ -8,20 +8,18 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 from shipland.camera import Camera
-from shipland.guidance.laws import (
+from shipland.guidance.laws import NearMemory, PidMemory, exponential_law, near_law, pid_law
+from shipland.guidance.parameters import (
     DerivativeVariant,
+    FarBaselines,
     FarGains,
+    FarKind,
+    FarParameters,
     FarVariant,
     NearGains,
-    NearMemory,
-    PidMemory,
-    clamp,
-    exponential_law,
-    near_law,
-    pid_law,
+    NearParameters,
 )
-from shipland.guidance.near import NearParameters, SticksPercent
-from shipland.guidance.parameters import FarBaselines, FarKind, FarParameters
+from shipland.guidance.response import SticksPercent, clamp
 from shipland.messages import Box
 
 PUBLISHED_CAMERA = Camera.from_fov(1280, 720, 69.0)

@@ -8,33 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
-from shipland.config import key, parameters, require
-
-FarVariant = Literal["printed", "growing", "saturating"]
-DerivativeVariant = Literal["probabilistic", "printed", "linear"]
+from shipland.guidance.parameters import DerivativeVariant, FarGains, FarVariant, NearGains, PidGains
+from shipland.guidance.response import clamp
 
 PUBLISHED_STEP_S = 0.03
 """Cycle time at which the widths of Table 2 are stated [Lee2022, §Close-range Tracking Controller]."""
-
-
-def clamp(value: float, limit: float) -> float:
-    """`value` within ±`limit`; 0 for a value that is no number, which asks for nothing."""
-    return 0.0 if math.isnan(value) else max(-limit, min(limit, value))
-
-
-@parameters
-class FarGains:
-    """Constants of one axis of Eq. 3 [Lee2022, Table 1]; `setpoint` in px² (pitch) or px (roll, heave)."""
-
-    m: float = key(..., ge=0)
-    a: float = key(..., ge=0)
-    setpoint: float = key(...)
-    d: float = key(...)
-
-    def __post_init__(self) -> None:
-        require(self.d in (0.0, 1.0), "d must be 0 (linear) or 1 (exponential)")
 
 
 def exponential_law(error: float, gains: FarGains, variant: FarVariant) -> float:
@@ -59,21 +38,6 @@ def exponential_law(error: float, gains: FarGains, variant: FarVariant) -> float
     else:
         gain = gains.m * (gains.d - math.exp(-gains.a * abs(error)))
     return clamp(gain * error, 100.0)
-
-
-@parameters
-class NearGains:
-    """Constants of one axis of Eq. 4–5 [Lee2022, Table 2]; errors in m (or degrees for yaw), output in percent."""
-
-    k_p: float = key(..., "percent per unit")
-    k_i: float = key(..., "percent per unit·s")
-    b: float = key(..., "largest derivative gain, percent per unit/s")
-    mu: float = key(..., "mean of the error's step in 0.03 s")
-    sigma: float = key(..., "width of the error's step in 0.03 s", gt=0)
-    integral_band: float = key(
-        ..., "the sum runs only while |error| is below this; huge: the printed sum, 0: no integral", ge=0
-    )
-    error_limit: float = key(..., "the proportional term sees no larger error; huge: the printed law", gt=0)
 
 
 @dataclass(frozen=True)
@@ -142,15 +106,6 @@ def near_law(
             integral += error * dt_s
     proportional = gains.k_p * clamp(error, gains.error_limit)
     return NearTerms(proportional, gains.k_i * integral, derivative), NearMemory(error, t_s, integral)
-
-
-@parameters
-class PidGains:
-    """A linear PID in its standard form: `k_p·(e + ∫e dt / t_i_s + t_d_s·de/dt)`; k_p in percent per unit."""
-
-    k_p: float = key(..., ge=0)
-    t_i_s: float = key(..., gt=0, allow_inf_nan=True)
-    t_d_s: float = key(..., ge=0)
 
 
 @dataclass(frozen=True)

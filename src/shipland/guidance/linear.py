@@ -9,10 +9,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from shipland.frames import Array, rotated, rotation_from_euler, wrap_angle
-from shipland.guidance.laws import PidMemory, clamp, pid_law
-from shipland.guidance.near import HOLD, MeasuredError, NearEstimate, SticksPercent
+from shipland.guidance.laws import PidMemory, pid_law
+from shipland.guidance.near import MeasuredError, NearEstimate
 from shipland.guidance.parameters import NearBaselines
-from shipland.guidance.response import Response
+from shipland.guidance.response import HOLD, Response, SticksPercent, clamp
 from shipland.guidance.simc import LinearGains, Plant, horizontal_plant, vertical_plant, yaw_plant
 
 Rule = Callable[[Plant, float], LinearGains]

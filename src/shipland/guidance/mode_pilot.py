@@ -14,14 +14,12 @@ import numpy as np
 from shipland.estimation.heading import Compass
 from shipland.frames import wrap_angle
 from shipland.guidance.far import FarControl, FarSight, FarTables, FarTarget
-from shipland.guidance.gimbal import flown_box_elevation_rad, smoothed_rad
-from shipland.guidance.laws import clamp
 from shipland.guidance.modes import INTENTS, ModeMemory, next_mode
-from shipland.guidance.near import HOLD, NearControl, NearEstimate, SticksPercent, measure
+from shipland.guidance.near import NearControl, NearEstimate, measure
 from shipland.guidance.pilot import PilotSetup
-from shipland.guidance.search import search
+from shipland.guidance.response import HOLD, SticksPercent, clamp
 from shipland.guidance.situation import PositionEstimate, References, situation_of, without_large_boxes
-from shipland.guidance.view import View, target_column_px
+from shipland.guidance.view import View, flown_box_elevation_rad, search, smoothed_rad, target_column_px
 from shipland.messages import Box, Decision, Estimate, Mode, Observation, PilotCommand, Telemetry
 
 

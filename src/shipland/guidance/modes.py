@@ -9,28 +9,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from shipland.config import key, parameters, scaled
+from shipland.guidance.parameters import ApproachParameters, ModeParameters
 from shipland.messages import Intent, Mode, Observation, PilotCommand
-
-
-@parameters
-class ModeParameters:
-    """`[guidance.modes]`."""
-
-    dwell_s: float = key(1.0, "shortest stay in a mode", ge=0)
-    confirm_s: float = key(0.2, "a better mode begins when its evidence has lasted this long", ge=0)
-    lost_s: float = key(0.5, "corners not renewed for this long are gone", ge=0, le=5)
-    lost_box_s: float = key(
-        1.6, "likewise a detector's box", "three cycles of the paper's learned detector", ge=0, le=10
-    )
-    memory_s: float = scaled(3.0, "mode 5 flies on the data fed before for this long", ge=0, le=30)
-    settle_s: float = key(0.5, "the landing condition must have held this long", ge=0)
-    blind_landing_s: float = key(1.5, "a landing below commit height goes on without data this long", ge=0, le=10)
-    max_tries: int = key(3, "wave-offs before the pilot gives up and holds clear", ge=0, le=100)
-
-    def lost_after_s(self, source: str) -> float:
-        """How long evidence of `corners`, `bar` or `ship` lasts [s]."""
-        return self.lost_s if source == "corners" else self.lost_box_s
 
 
 class Situation(NamedTuple):
@@ -174,6 +154,11 @@ def _wanted_source(situation: Situation, memory: ModeMemory, parameters: ModePar
 def overruled(sent: PilotCommand | None, mode: Mode) -> bool:
     """Whether the command that left the safety flies away from the ship although the pilot's mode does not."""
     return sent is not None and sent.intent is Intent.GO_AROUND and mode is not Mode.GO_AROUND
+
+
+def may_retry(climbing_s: float, clear: bool, approach: ApproachParameters) -> bool:
+    """Whether a go-around of this length ends: at its end point, or where it takes too long to reach that."""
+    return climbing_s >= approach.go_around_s and (clear or climbing_s >= 4.0 * approach.go_around_s)
 
 
 INTENTS = {

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from shipland.config import key, parameters
 from shipland.frames import Array, rotation_from_euler, wrap_angle
-from shipland.guidance.laws import PUBLISHED_STEP_S, DerivativeVariant, NearGains, NearMemory, near_law
+from shipland.guidance.laws import PUBLISHED_STEP_S, NearMemory, near_law
+from shipland.guidance.parameters import NearParameters
+from shipland.guidance.response import HOLD, SticksPercent
 from shipland.messages import BarPose, GimbalAttitude
 
 
@@ -156,18 +157,6 @@ class ScalarKalman:
         self._value, self._variance = None, math.inf
 
 
-class SticksPercent(NamedTuple):
-    """Percent, -100 … 100: forward, right, up, clockwise positive."""
-
-    pitch: float
-    roll: float
-    heave: float
-    yaw: float
-
-
-HOLD = SticksPercent(0.0, 0.0, 0.0, 0.0)
-
-
 class NearControl(Protocol):
     """Flies on the bar's pose, to the reference that the errors are measured to; a pilot has one."""
 
@@ -179,46 +168,6 @@ class NearControl(Protocol):
 
     def reset(self) -> None:
         """The bar was lost or the reference changed: forget what does not outlast it."""
-
-
-FilterKind = Literal["kalman", "none"]
-
-
-@parameters
-class NearParameters:
-    """`[guidance.near]`: Table 2 and the filter before it.
-
-    Source of the gains: [Lee2022, Table 2]; percent, m, degrees, s.
-    """
-
-    pitch: NearGains = key(
-        NearGains(k_p=7.5, k_i=0.05, b=4.5, mu=0.02, sigma=0.04, integral_band=1.0, error_limit=1.5),
-        "in m and percent",
-        "bands and limits are chosen",
-    )
-    roll: NearGains = key(
-        NearGains(k_p=7.5, k_i=0.01, b=8.5, mu=0.0, sigma=0.04, integral_band=1.0, error_limit=1.5),
-        "in m and percent",
-        "bands and limits are chosen",
-    )
-    heave: NearGains = key(
-        NearGains(k_p=15.0, k_i=0.01, b=7.0, mu=0.0, sigma=0.02, integral_band=1.0, error_limit=10.0),
-        "in m and percent",
-        "bands and limits are chosen",
-    )
-    yaw: NearGains = key(
-        NearGains(k_p=5.5, k_i=0.05, b=1.75, mu=0.0, sigma=5.0, integral_band=10.0, error_limit=180.0),
-        "in degrees and percent",
-        "bands and limits are chosen",
-    )
-    derivative: DerivativeVariant = key(
-        "probabilistic", "variant of K_D", "probabilistic: Eq. 5, erratum 8 | printed | linear: a baseline of [Lee2022]"
-    )
-    filter: FilterKind = key("kalman", "one-state filters of the errors", "kalman | none: a baseline of [Lee2022]")
-    process_noise: float = key(
-        0.005, "of the one-state Kalman filters, per 0.03 s", "[Lee2022, §Pose Estimation], erratum 1"
-    )
-    measurement_noise: float = key(0.05, "likewise", "[Lee2022, §Pose Estimation], erratum 1")
 
 
 class PublishedNear:

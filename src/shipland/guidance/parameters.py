@@ -5,15 +5,50 @@ from __future__ import annotations
 from typing import Literal
 
 from shipland.config import key, parameters, require, scaled
-from shipland.guidance.horizon.learned import LearnedParameters
 from shipland.guidance.horizon.parameters import HorizonParameters
-from shipland.guidance.laws import FarGains, FarVariant, PidGains
-from shipland.guidance.modes import ModeParameters
-from shipland.guidance.near import NearParameters
-from shipland.guidance.search import SearchParameters
 
 FarKind = Literal["exponential", "p", "pid"]
 LandingRule = Literal["steady", "printed"]
+FarVariant = Literal["printed", "growing", "saturating"]
+DerivativeVariant = Literal["probabilistic", "printed", "linear"]
+FilterKind = Literal["kalman", "none"]
+
+
+@parameters
+class FarGains:
+    """Constants of one axis of Eq. 3 [Lee2022, Table 1]; `setpoint` in px² (pitch) or px (roll, heave)."""
+
+    m: float = key(..., ge=0)
+    a: float = key(..., ge=0)
+    setpoint: float = key(...)
+    d: float = key(...)
+
+    def __post_init__(self) -> None:
+        require(self.d in (0.0, 1.0), "d must be 0 (linear) or 1 (exponential)")
+
+
+@parameters
+class NearGains:
+    """Constants of one axis of Eq. 4–5 [Lee2022, Table 2]; errors in m (or degrees for yaw), output in percent."""
+
+    k_p: float = key(..., "percent per unit")
+    k_i: float = key(..., "percent per unit·s")
+    b: float = key(..., "largest derivative gain, percent per unit/s")
+    mu: float = key(..., "mean of the error's step in 0.03 s")
+    sigma: float = key(..., "width of the error's step in 0.03 s", gt=0)
+    integral_band: float = key(
+        ..., "the sum runs only while |error| is below this; huge: the printed sum, 0: no integral", ge=0
+    )
+    error_limit: float = key(..., "the proportional term sees no larger error; huge: the printed law", gt=0)
+
+
+@parameters
+class PidGains:
+    """A linear PID in its standard form: `k_p·(e + ∫e dt / t_i_s + t_d_s·de/dt)`; k_p in percent per unit."""
+
+    k_p: float = key(..., ge=0)
+    t_i_s: float = key(..., gt=0, allow_inf_nan=True)
+    t_d_s: float = key(..., ge=0)
 
 
 @parameters
@@ -23,6 +58,43 @@ class FarParameters:
     pitch: FarGains
     roll: FarGains
     heave: FarGains
+
+
+@parameters
+class NearParameters:
+    """`[guidance.near]`: Table 2 and the filter before it.
+
+    Source of the gains: [Lee2022, Table 2]; percent, m, degrees, s.
+    """
+
+    pitch: NearGains = key(
+        NearGains(k_p=7.5, k_i=0.05, b=4.5, mu=0.02, sigma=0.04, integral_band=1.0, error_limit=1.5),
+        "in m and percent",
+        "bands and limits are chosen",
+    )
+    roll: NearGains = key(
+        NearGains(k_p=7.5, k_i=0.01, b=8.5, mu=0.0, sigma=0.04, integral_band=1.0, error_limit=1.5),
+        "in m and percent",
+        "bands and limits are chosen",
+    )
+    heave: NearGains = key(
+        NearGains(k_p=15.0, k_i=0.01, b=7.0, mu=0.0, sigma=0.02, integral_band=1.0, error_limit=10.0),
+        "in m and percent",
+        "bands and limits are chosen",
+    )
+    yaw: NearGains = key(
+        NearGains(k_p=5.5, k_i=0.05, b=1.75, mu=0.0, sigma=5.0, integral_band=10.0, error_limit=180.0),
+        "in degrees and percent",
+        "bands and limits are chosen",
+    )
+    derivative: DerivativeVariant = key(
+        "probabilistic", "variant of K_D", "probabilistic: Eq. 5, erratum 8 | printed | linear: a baseline of [Lee2022]"
+    )
+    filter: FilterKind = key("kalman", "one-state filters of the errors", "kalman | none: a baseline of [Lee2022]")
+    process_noise: float = key(
+        0.005, "of the one-state Kalman filters, per 0.03 s", "[Lee2022, §Pose Estimation], erratum 1"
+    )
+    measurement_noise: float = key(0.05, "likewise", "[Lee2022, §Pose Estimation], erratum 1")
 
 
 @parameters
@@ -52,6 +124,47 @@ class NearBaselines:
     rate_filter: float = key(
         0.33, "of the measured rate, likewise", "chosen: the smoothing of the published pilot's", gt=0
     )
+
+
+@parameters
+class ModeParameters:
+    """`[guidance.modes]`."""
+
+    dwell_s: float = key(1.0, "shortest stay in a mode", ge=0)
+    confirm_s: float = key(0.2, "a better mode begins when its evidence has lasted this long", ge=0)
+    lost_s: float = key(0.5, "corners not renewed for this long are gone", ge=0, le=5)
+    lost_box_s: float = key(
+        1.6, "likewise a detector's box", "three cycles of the paper's learned detector", ge=0, le=10
+    )
+    memory_s: float = scaled(3.0, "mode 5 flies on the data fed before for this long", ge=0, le=30)
+    settle_s: float = key(0.5, "the landing condition must have held this long", ge=0)
+    blind_landing_s: float = key(1.5, "a landing below commit height goes on without data this long", ge=0, le=10)
+    max_tries: int = key(3, "wave-offs before the pilot gives up and holds clear", ge=0, le=100)
+
+    def lost_after_s(self, source: str) -> float:
+        """How long evidence of `corners`, `bar` or `ship` lasts [s]."""
+        return self.lost_s if source == "corners" else self.lost_box_s
+
+
+@parameters
+class SearchParameters:
+    """`[guidance.search]`."""
+
+    look_s: float = key(
+        3.0, "hold still for so long at each camera pitch", "six cycles of the paper's learned detector", ge=0
+    )
+    camera_pitch_deg: tuple[float, ...] = key(
+        (0.0, -25.0), "up positive; each turn is flown with the next of them", "the lens sees 21 deg either side"
+    )
+    turn_percent: float = key(10.0, "yaw stick", "4 deg/s: a target moves by 33 px a cycle", ge=0)
+    turn_s: float = key(90.0, "of a full turn with it", "a full turn", ge=0)
+    climb_percent: float = key(60.0, "heave stick after each turn", ge=0)
+    climb_s: float = key(5.0, "of the climb after each turn", ge=0)
+    turns: int = key(4, "after this number of turns the vehicle holds", ge=0)
+
+    def __post_init__(self) -> None:
+        require(len(self.camera_pitch_deg) > 0, "camera_pitch_deg must hold at least one pitch")
+        require(self.turn_s + self.climb_s > 0.0, "turn_s + climb_s must be positive")
 
 
 @parameters
@@ -111,6 +224,14 @@ class ApproachParameters:
     def at_once(self) -> bool:
         """Whether a landing waits for nothing but its square and is not broken off: the printed rule."""
         return self.landing_rule == "printed"
+
+
+@parameters
+class LearnedParameters:
+    """`[guidance.learned]`: which policies the pilots `residual` and `learned` fly."""
+
+    residual: str = key("residual", "packaged name, or path of a policy that `shipland learn` made")
+    direct: str = key("direct", "likewise")
 
 
 @parameters

@@ -1,12 +1,29 @@
-"""A vehicle's response to its sticks: the one description from which a pilot's model and gains are built."""
+"""Sticks, and a vehicle's response to them: the one description from which a pilot's model and gains are built."""
 
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from shipland.config import key, parameters, require
 from shipland.frames import GRAVITY_MPS2
+
+
+class SticksPercent(NamedTuple):
+    """Percent, -100 … 100: forward, right, up, clockwise positive."""
+
+    pitch: float
+    roll: float
+    heave: float
+    yaw: float
+
+
+HOLD = SticksPercent(0.0, 0.0, 0.0, 0.0)
+
+
+def clamp(value: float, limit: float) -> float:
+    """`value` within ±`limit`; 0 for a value that is no number, which asks for nothing."""
+    return 0.0 if math.isnan(value) else max(-limit, min(limit, value))
 
 
 @parameters

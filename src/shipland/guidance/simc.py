@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from shipland.guidance.laws import PidGains
+from shipland.guidance.parameters import PidGains
 from shipland.guidance.response import Response
 
 

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shipland.frames import Array
-from shipland.guidance.laws import clamp
-from shipland.guidance.modes import ModeMemory, Situation, overruled
+from shipland.guidance.modes import ModeMemory, Situation, may_retry, overruled
 from shipland.guidance.near import NearEstimate
 from shipland.guidance.parameters import ApproachParameters
+from shipland.guidance.response import clamp
 from shipland.guidance.view import View
 from shipland.messages import Box, Mode, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
@@ -133,11 +133,6 @@ def situation_of(
         overruled=overruled(sent, memory.mode),
         at_once=approach.at_once,
     )
-
-
-def may_retry(climbing_s: float, clear: bool, approach: ApproachParameters) -> bool:
-    """Whether a go-around of this length ends: at its end point, or where it takes too long to reach that."""
-    return climbing_s >= approach.go_around_s and (clear or climbing_s >= 4.0 * approach.go_around_s)
 
 
 def landing_condition(

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from shipland.frames import Array
-from shipland.guidance.laws import FarVariant
-from shipland.guidance.parameters import FarKind
+from shipland.guidance.parameters import FarKind, FarVariant
 from shipland.reproduce.ranges import FarCase, FarTrace, fly_far
 
 STEP_DEG = 5.0

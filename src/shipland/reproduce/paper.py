@@ -13,7 +13,8 @@ from typing import get_args
 import numpy as np
 
 from shipland.extras import require
-from shipland.guidance.laws import FarVariant, derivative_gain, exponential_law
+from shipland.guidance.laws import derivative_gain, exponential_law
+from shipland.guidance.parameters import FarVariant
 from shipland.reproduce.courses import courses
 from shipland.reproduce.detections import detections
 from shipland.reproduce.far import (

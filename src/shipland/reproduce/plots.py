@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shipland.figures import drawn
-from shipland.guidance.laws import PUBLISHED_STEP_S, FarVariant, NearGains, derivative_gain, exponential_law
-from shipland.guidance.near import NearParameters
-from shipland.guidance.parameters import FarParameters
+from shipland.guidance.laws import PUBLISHED_STEP_S, derivative_gain, exponential_law
+from shipland.guidance.parameters import FarParameters, FarVariant, NearGains, NearParameters
 from shipland.report.palette import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, Rgb, unit
 from shipland.reproduce.far import HAND_OVER_M, SETTLED_SHARE, ApproachCase
 from shipland.reproduce.near import FALSE_AT_S, NearTrace

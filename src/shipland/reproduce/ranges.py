@@ -18,8 +18,7 @@ from shipland.config import build, merge
 from shipland.flight import Autonomy, fly
 from shipland.frames import Array
 from shipland.guidance.far import FarSight, FarTables, FarTarget, far_control
-from shipland.guidance.laws import FarVariant
-from shipland.guidance.parameters import FarKind
+from shipland.guidance.parameters import FarKind, FarVariant
 from shipland.messages import (
     Box,
     Decision,

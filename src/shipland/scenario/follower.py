@@ -10,8 +10,8 @@ import math
 from dataclasses import replace
 
 from shipland.frames import euler_from_rotation
-from shipland.guidance.laws import clamp
 from shipland.guidance.pilot import Pilot
+from shipland.guidance.response import clamp
 from shipland.messages import Decision, Mode, Observation, PilotCommand, Telemetry
 from shipland.scenario.scenario import FollowParameters
 from shipland.vehicles.vehicle import GroundTruthSource

@@ -31,9 +31,8 @@ from shipland.estimation.waves import Output
 from shipland.frames import Array, all_finite, rotated, wrap_angle
 from shipland.guidance.horizon.assumptions import Assumptions, motion_of, ship_in_view
 from shipland.guidance.horizon.estimated import Actuation, Estimated
-from shipland.guidance.horizon.heave import HeaveTracker
 from shipland.guidance.horizon.parameters import HorizonParameters
-from shipland.guidance.horizon.places import HeightGate, Places, SeenPlace
+from shipland.guidance.horizon.places import HeaveTracker, HeightGate, Places, SeenPlace
 from shipland.guidance.horizon.stick_history import StickHistory
 from shipland.guidance.response import Response
 from shipland.messages import BarPose, Estimate, Observation, PilotCommand, Telemetry

@@ -9,26 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from shipland.config import key, parameters
 from shipland.errors import ConfigError
 from shipland.files import check_digest, json_of
 from shipland.frames import Array
-from shipland.guidance.horizon.steering import ENTRIES, Action, Kind, Steered, observation_of
+from shipland.guidance.horizon.steering import ENTRIES, Action, Kind, Steered, Steering, observation_of
 from shipland.guidance.response import Response
 
 FORMAT = "shipland-policy-1"
 _log = logging.getLogger(__name__)
 
 
-@parameters
-class LearnedParameters:
-    """`[guidance.learned]`: which policies the pilots `residual` and `learned` fly."""
-
-    residual: str = key("residual", "packaged name, or path of a policy that `shipland learn` made")
-    direct: str = key("direct", "likewise")
-
-
-class LearnedSteering:
+class LearnedSteering(Steering):
     """A policy of one kind.
 
     Args:

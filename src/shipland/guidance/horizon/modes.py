@@ -7,9 +7,8 @@ import math
 from shipland.frames import wrap_angle
 from shipland.guidance.horizon.descent import Descent, Phase
 from shipland.guidance.horizon.estimated import Estimated
-from shipland.guidance.modes import ModeMemory, Situation
+from shipland.guidance.modes import ModeMemory, Situation, may_retry
 from shipland.guidance.parameters import GuidanceParameters
-from shipland.guidance.situation import may_retry
 from shipland.messages import Mode, Observation, Telemetry
 
 

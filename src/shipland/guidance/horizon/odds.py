@@ -13,7 +13,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from shipland.frames import Array, rotated
+from shipland.frames import GRAVITY_MPS2, Array, rotated
+from shipland.guidance.horizon.parameters import LevellingParameters
+from shipland.guidance.response import Response
 from shipland.rig import Rig
 
 _REMEMBERED_S = 10.0
@@ -95,3 +97,18 @@ def odds_in_area(rig: Rig, offset_m: Array, covariance_m2: Array, bar_rad: float
         scale_m = math.sqrt(2.0 * max(variance, 1e-9))
         odds *= 0.5 * (math.erf((0.5 * area_m - off_m) / scale_m) + math.erf((0.5 * area_m + off_m) / scale_m))
     return odds
+
+
+def odds_of_tilt(tilt_mps2: float, left_s: float, response: Response, parameters: LevellingParameters) -> float:
+    """Probability of a contact within the limit of the tilt.
+
+    Args:
+        tilt_mps2: acceleration by the tilt now, which is reduced with the vehicle's lag.
+        left_s: to contact, from the command's effect.
+        response: of the vehicle.
+        parameters: of the levelling.
+    """
+    tilt_deg = math.degrees(math.atan2(tilt_mps2, GRAVITY_MPS2))
+    kept = math.exp(-left_s / (response.lag_s + response.smoothing_s))
+    contact_deg = min(tilt_deg, parameters.tilt_deg) + max(tilt_deg - parameters.tilt_deg, 0.0) * kept
+    return odds_below(parameters.tilt_max_deg, contact_deg, parameters.tilt_std_deg)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Literal
 
@@ -11,8 +12,8 @@ from shipland.estimation.delayed import DelayedParameters
 from shipland.estimation.heading import HeadingNoise
 from shipland.estimation.relative_state import Disturbances
 from shipland.estimation.waves import WaveParameters
-from shipland.guidance.horizon.gains import Weights
-from shipland.guidance.horizon.levelling import LevellingParameters
+from shipland.frames import GRAVITY_MPS2
+from shipland.guidance.response import Response
 
 
 @parameters
@@ -40,6 +41,20 @@ class MeasurementNoise:
         0.04, "horizontally, of one that the autopilot itself tracks: its errors are flown"
     )
     use_velocity: bool = key(True, "whether it is used at all")
+
+
+@parameters
+class Weights:
+    """`[guidance.horizon.weights]`: costs against a squared metre."""
+
+    speed: float = scaled(0.01, "of a squared metre per second against the bar [s²]", power=1.0, ge=0)
+    acceleration: float = scaled(0.0015, "of the aircraft's own, squared [s⁴]", power=2.0, ge=0)
+    input_rate: float = scaled(
+        3e-6, "of the rate of the input asked for, squared [s⁶ for tilts, s⁴ for speeds]", power=3.0, gt=0
+    )
+    final_place: float = key(1.0, "on place at contact, where the time to it is known", ge=0)
+    final_speed: float = key(0.1, "on speed at contact", ge=0)
+    horizon_s: float = scaled(2.0, "longest time to contact that gains are kept for", ge=0)
 
 
 @parameters
@@ -108,6 +123,27 @@ class DescentParameters:
     reacquire_s: float = key(0.75, "from the last look down to the final descent: the camera looks up at the bar", ge=0)
     reacquire_max_s: float = key(2.0, "the final descent begins by then, or the deck watch begins again", ge=0)
     reacquire_offset_m: float = key(0.04, "predicted offset at contact at which the final descent begins then", ge=0)
+
+
+@parameters
+class LevellingParameters:
+    """`[guidance.horizon.levelling]`."""
+
+    tilt_deg: float = key(
+        10.0, "a tilt that may stay at contact", "the deck's roll comes on top, and 25° are allowed", ge=0, lt=90
+    )
+    lags: float = key(1.5, "the command is level this many of the vehicle's lags before contact", ge=0)
+    tilt_max_deg: float = key(25.0, "a larger tilt against the deck is no landing", gt=0, lt=90)
+    tilt_std_deg: float = key(5.0, "standard deviation of what deck and gusts add to the tilt", gt=0, lt=90)
+
+    @property
+    def tilt_mps2(self) -> float:
+        """The acceleration of a tilt that may stay."""
+        return GRAVITY_MPS2 * math.tan(math.radians(self.tilt_deg))
+
+    def before_contact_s(self, response: Response) -> float:
+        """So long before contact the command has to be level."""
+        return self.lags * (response.lag_s + response.smoothing_s)
 
 
 @parameters

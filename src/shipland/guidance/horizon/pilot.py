@@ -4,27 +4,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from shipland.frames import Array
-from shipland.guidance.gimbal import flown_box_elevation_rad, smoothed_rad
-from shipland.guidance.horizon.blind import open_loop_go_around
 from shipland.guidance.horizon.descent import LOOK_DOWN_RAD, Descent, GimbalLookDown, Phase, next_look_down
 from shipland.guidance.horizon.estimated import Estimated
 from shipland.guidance.horizon.estimator import Estimator
 from shipland.guidance.horizon.guidance import Guidance
 from shipland.guidance.horizon.modes import situation_of
-from shipland.guidance.horizon.reference import Reference
-from shipland.guidance.horizon.regulator import Plan, Regulator
-from shipland.guidance.horizon.steering import Steered, Steering
+from shipland.guidance.horizon.regulator import Plan, Reference, Regulator
 from shipland.guidance.modes import INTENTS, ModeMemory, next_mode, overruled
-from shipland.guidance.near import HOLD, SticksPercent
+from shipland.guidance.parameters import ApproachParameters
 from shipland.guidance.pilot import PilotSetup
-from shipland.guidance.search import search
-from shipland.guidance.view import View, target_column_px
+from shipland.guidance.response import HOLD, Response, SticksPercent, clamp
+from shipland.guidance.view import View, flown_box_elevation_rad, search, smoothed_rad, target_column_px
 from shipland.messages import Decision, Estimate, Mode, Observation, PilotCommand, Telemetry
+
+if TYPE_CHECKING:
+    from shipland.guidance.horizon.steering import Steering  # a policy: other flights do without
 
 _SILENT_S = 1.0
 """After a gap this long without picture and telemetry the position is unknown: the vehicle held by itself meanwhile."""
@@ -136,12 +135,12 @@ class HorizonPilot:
         probability = None if descent is None or descent.odds is None else descent.odds.now
         return Decision(command, mode, reason, planned.at_picture, probability)
 
-    def steered(self, planned: Planned) -> Steered | None:
-        """What a policy sees of a plan; None where it cannot change the input."""
+    def own_input(self, planned: Planned) -> tuple[Array, Estimated, Plan] | None:
+        """What a policy is asked about a plan, as `Steering.instead_of` takes it; None where it is not asked."""
         estimate, plan = planned.estimate, planned.plan
         if estimate is None or plan is None or not plan.steerable:
             return None
-        return self._regulator.steered(estimate, plan)
+        return self._regulator.input(estimate, plan), estimate, plan
 
     def _estimated(
         self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None, state: PilotState
@@ -252,3 +251,24 @@ def _with_descent(state: PilotState, descent: Descent | None) -> PilotState:
 def _in_mode_s(state: PilotState, now_s: float) -> float:
     """How long the mode has lasted; in the first mode, the flight."""
     return now_s - max(state.modes.since_s, state.first_s or 0.0)
+
+
+def open_loop_go_around(
+    since_s: float, approach: ApproachParameters, response: Response, tilt_mps2: Array | None
+) -> SticksPercent:
+    """The sticks.
+
+    Args:
+        since_s: the go-around's begin.
+        approach: its height, time and sticks.
+        response: of the vehicle.
+        tilt_mps2: (2,) forward and right in `level`, by the mean tilt of late: where a stick means a tilt, who backs
+            off level is taken by the wind. None where it means a speed.
+    """
+    climb_s = approach.go_around_height_m / (0.01 * approach.go_around_percent * response.max_climb_mps)
+    if since_s <= climb_s:
+        return SticksPercent(0.0, 0.0, approach.go_around_percent, 0.0)
+    if since_s > climb_s + approach.go_around_s:
+        return SticksPercent(0.0, 0.0, 0.0, 0.0)
+    forward, right = (0.0, 0.0) if tilt_mps2 is None else map(response.stick_of, tilt_mps2.tolist())
+    return SticksPercent(clamp(forward - approach.back_off_percent, 100.0), clamp(right, 100.0), 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""A pose or a box as a position in the axes of the flight, and the check of its height."""
+"""What pictures show: a position in the axes of the flight, whether its height can be, and the bar's heave."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from shipland.camera import Camera
 from shipland.estimation.delayed import Inputs
 from shipland.estimation.heading import Headings
+from shipland.estimation.waves import WaveBank, WaveEstimate, WaveMotion, WaveParameters
 from shipland.frames import Array, rotated
 from shipland.guidance.horizon.parameters import MeasurementNoise
 from shipland.guidance.view import View
@@ -176,3 +177,47 @@ _LEAP_M, _LEAP_MPS, _LEAP_SIGMAS = 0.5, 0.2, 4.0
 """Largest change of the height from picture to picture beside the commanded climb."""
 _LEAP_S = 5.0
 """After this long a new height is accepted."""
+
+
+class HeaveTracker:
+    """The hypotheses of the bar's wave motion, and the one in use.
+
+    Args:
+        parameters: of the hypotheses.
+        climb_lag_s: of the vehicle's climb rate.
+        velocity_std_mps: standard deviation of its vertical velocity.
+        low_m: below the bar; lower than this, ground effect and contact disturb the height.
+    """
+
+    def __init__(self, parameters: WaveParameters, climb_lag_s: float, velocity_std_mps: float, low_m: float) -> None:
+        self._parameters, self._bank = parameters, WaveBank(parameters)
+        self._climb_lag_s, self._velocity_std_mps, self._low_m = climb_lag_s, velocity_std_mps, low_m
+        self._estimate: WaveEstimate | None = None
+        self._velocity: tuple[float, float] | None = None
+
+    @property
+    def wave(self) -> WaveMotion:
+        """The wave motion in use."""
+        chosen = self._parameters.first if self._estimate is None else self._estimate.chosen
+        return self._parameters.believed[chosen]
+
+    def update_velocity(self, t_s: float, down_mps: float, picture_s: float) -> None:
+        """The vehicle's vertical velocity, true at `t_s`: the first one after each picture, exposed at `picture_s`."""
+        if self._velocity is None or picture_s > self._velocity[0]:
+            self._velocity = t_s, down_mps
+
+    def update_pose(self, t_s: float, down_m: float, variance_m2: float, climbs: Inputs) -> None:
+        """A picture's height below the bar; `climbs` downward, as they took effect."""
+        before, lag_s = self._estimate, self._climb_lag_s
+        if down_m > self._low_m:
+            return
+        if before is None:
+            self._estimate = self._bank.start(t_s, down_m)
+            return
+        if self._velocity is not None and self._velocity[0] <= t_s:
+            velocity_s, down_mps = self._velocity
+            asked_mps = float(climbs.mean(velocity_s - lag_s, velocity_s - lag_s)[0])
+            before = self._bank.update_velocity(before, down_mps - asked_mps, self._velocity_std_mps)
+            self._velocity = None
+        moved_m = float(climbs.mean(before.t_s - lag_s, t_s - lag_s)[0]) * max(t_s - before.t_s, 0.0)
+        self._estimate = self._bank.update_pose(before, t_s, moved_m, down_m, variance_m2)

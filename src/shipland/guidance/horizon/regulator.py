@@ -1,27 +1,183 @@
-"""The regulator: from the estimate and the plan to the sticks."""
+"""The regulator: from the estimate and the plan to the sticks, linear-quadratic on the state at the command's effect.
+
+The state is an axis of the relative state and the stick input before; what is chosen is the change of that input. The
+cost is the squared offset from the bar's place, its rate, the aircraft's acceleration and the rate of the input: a
+steady wind costs nothing, so that nothing pulls the aircraft off its place. All commands that are still on the way are
+in the prediction, which makes the delay a part of the state as a whole.
+
+Just before contact the tilt is reduced to what a contact allows. In wind an aircraft holds its position tilted, and a
+deck that rolls adds to that. Up to `levelling.tilt_deg` remains: level, the aircraft would drift with the wind.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shipland.estimation.relative_state import ACTUATION, GUST, POSITION, STATES, VELOCITY, WAVE, WAVE_RATE, WIND
+from shipland.estimation.relative_state import (
+    ACTUATION,
+    POSITION,
+    STATES,
+    VELOCITY,
+    WAVE,
+    AxisModel,
+    Disturbances,
+    discretised,
+    dynamics,
+    shaping,
+)
+from shipland.estimation.waves import WAVE_STATES, WaveMotion
 from shipland.frames import Array, rotated
 from shipland.guidance.horizon.descent import Descent, Phase
 from shipland.guidance.horizon.estimated import Estimated
-from shipland.guidance.horizon.gains import INPUT, INPUT_RATE_SHARE, TRACKED, TRACKED_RATE, Gains, gains_of
-from shipland.guidance.horizon.levelling import speed_near_contact, tilt_near_contact
-from shipland.guidance.horizon.parameters import HorizonParameters
-from shipland.guidance.horizon.reference import Reference
-from shipland.guidance.horizon.steering import LONGEST_CONTACT_S, Steered, Steering
-from shipland.guidance.laws import clamp
-from shipland.guidance.near import SticksPercent
-from shipland.guidance.response import Response
+from shipland.guidance.horizon.parameters import HorizonParameters, LevellingParameters, Weights
+from shipland.guidance.response import Response, SticksPercent, clamp
 
+if TYPE_CHECKING:
+    from shipland.guidance.horizon.steering import Steering  # a policy: other flights do without
+
+INPUT_RATE_SHARE = 2.0
+"""Most that an input may change, as a share of the rate at which the vehicle can follow.
+
+Beyond 1 it is followed late. Held back to 0.7, gusts of 9 m/s of wind are answered later still:
+docs/results/guidance.md.
+"""
+_KICK_MPS2 = 3.0
+"""Largest acceleration of an autopilot that tracks a speed: PX4's MPC_ACC_HOR as delivered."""
 _STEPS_MS = (33, 67, 100, 200, 350, 530)
 """Cycles that gains are kept for; the nearest is taken."""
+LONGEST_CONTACT_S = 3.0
+"""The predicted time to contact is cut to this: farther ahead nothing is predicted."""
+INPUT, TRACKED, TRACKED_RATE = STATES, STATES + 1, STATES + 2
+"""Index of the input before in the control's state; of the speed that a servo with an integral tracks, and its rate."""
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Gains for one length of cycle.
+
+    Attributes:
+        step_s: the cycle.
+        steady: (11,), or (13,) with a tracked speed: the change of the input is −steady · (state − reference).
+        to_contact: (k, 11 or 13) the same, by whole cycles left to contact.
+        offset_to_contact: (k + 1, 11 or 13) the offset at contact, so many cycles away, under `to_contact`.
+    """
+
+    step_s: float
+    steady: Array
+    to_contact: Array
+    offset_to_contact: Array
+
+
+@lru_cache(maxsize=256)
+def gains_of(motion: AxisModel, noise: Disturbances, wave: WaveMotion, weights: Weights, step_ms: int) -> Gains:
+    """Solve for one vehicle, sea and cycle."""
+    from scipy.linalg import solve_discrete_are
+
+    step_s = 1e-3 * step_ms
+    a, b, q = dynamics(motion, noise, wave)
+    tracked = [] if motion.inputs == 1 else [TRACKED, TRACKED_RATE]
+    moving = [*range(STATES), *tracked]
+    size = STATES + 1 + len(tracked)
+    to_bar, rate, acceleration = np.zeros(size), np.zeros(size), np.zeros(size)
+    waves, (of_deck, of_its_rate) = slice(WAVE, WAVE + WAVE_STATES), wave.tracked
+    to_bar[POSITION], to_bar[waves], rate[VELOCITY], rate[waves] = 1.0, -of_deck, 1.0, -of_its_rate
+    acceleration[:STATES] = a[VELOCITY]
+    if tracked:
+        a, b, q = _with_tracked(motion, a, b, q)
+    transition, push, _ = discretised(a, b, q, step_s)
+    big, entry = np.zeros((size, size)), np.zeros(size)
+    big[np.ix_(moving, moving)], big[moving, INPUT], big[INPUT, INPUT] = transition, push[:, 0], 1.0
+    entry[moving], entry[INPUT] = push[:, 0], 1.0
+    cost = np.outer(to_bar, to_bar) + weights.speed * np.outer(rate, rate)
+    cost = step_s * (cost + weights.acceleration * np.outer(acceleration, acceleration))
+    effort = weights.input_rate / step_s
+    # SciPy wants no eigenvalue on the unit circle: the input before has one, and is reached by the control.
+    value = solve_discrete_are(big, entry[:, None], cost, np.array([[effort]]))
+    steady = _gain(big, entry, value, effort)
+    count = max(1, round(weights.horizon_s / step_s))
+    final = weights.final_place * np.outer(to_bar, to_bar) + weights.final_speed * np.outer(rate, rate)
+    rows, offsets = [], [to_bar]
+    for _ in range(count):
+        gain = _gain(big, entry, final, effort)
+        closed = big - np.outer(entry, gain)
+        final = cost + effort * np.outer(gain, gain) + closed.T @ final @ closed
+        rows.append(gain)
+        offsets.append(offsets[-1] @ closed)
+    return Gains(step_s, steady, np.array(rows), np.array(offsets))
+
+
+def _with_tracked(motion: AxisModel, a: Array, b: Array, q: Array) -> tuple[Array, Array, Array]:
+    """The dynamics with the tracked speed and its rate as two more states (12,), driven by the speed asked for."""
+    n = STATES + 2
+    own, asked = shaping(motion)
+    wide, entry = np.zeros((n, n)), np.zeros((n, 1))
+    wide[:STATES, :STATES], wide[STATES:, STATES:], entry[STATES:, 0] = a, own, asked
+    wide[:STATES, STATES], wide[:STATES, STATES + 1] = b.sum(axis=1), b[:, 0] / motion.servo_per_s
+    return wide, entry, np.append(q, np.zeros(2))
+
+
+def _gain(big: Array, entry: Array, value: Array, effort: float) -> Array:
+    weighted = entry @ value
+    return np.asarray((weighted @ big) / (effort + weighted @ entry))
+
+
+def tilt_near_contact(wanted: Array, left_s: float, response: Response, parameters: LevellingParameters) -> Array:
+    """(2,) the input of sticks that mean a tilt [m/s²].
+
+    Args:
+        wanted: (2,) by the gains.
+        left_s: to contact, from the command's effect.
+        response: of the vehicle.
+        parameters: of the levelling.
+    """
+    early_s = max(left_s - parameters.before_contact_s(response), 0.0)
+    return shortened(wanted, parameters.tilt_mps2 + response.max_input_rate * early_s)
+
+
+def speed_near_contact(
+    wanted: Array, tilt: Array, tracked_mps: Array, response: Response, parameters: LevellingParameters
+) -> Array:
+    """(2,) the input of sticks that mean a speed [m/s]: the autopilot levels out where it is to change its speed.
+
+    Args:
+        wanted: (2,) by the gains.
+        tilt: (2,) acceleration by the aircraft's tilt, but for what changes of the tracked speed ask for [m/s²].
+        tracked_mps: (2,) the speed that the autopilot tracks.
+        response: of the vehicle.
+        parameters: of the levelling.
+    """
+    change = shortened(response.approach_per_s * (wanted - tracked_mps), _KICK_MPS2)
+    tilted = tilt + change
+    level = shortened(tilted, parameters.tilt_mps2)
+    if level is tilted:
+        return wanted
+    return tracked_mps + shortened(level - tilt, _KICK_MPS2) / response.approach_per_s
+
+
+def shortened(vector: Array, most: float) -> Array:
+    """(2,) the vector, no longer than `most`."""
+    size = math.hypot(*vector.tolist())
+    return vector if size <= most else vector * (most / size)
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Where the aircraft shall be, against the bar, in the axes of the estimate.
+
+    Attributes:
+        place_m: (2,).
+        speed_mps: (2,) its rate.
+        rate_mps2: (2,) and that of the speed.
+    """
+
+    place_m: Array
+    speed_mps: Array
+    rate_mps2: Array
 
 
 @dataclass(frozen=True)
@@ -87,9 +243,9 @@ class Regulator:
     def sticks(self, estimate: Estimated, plan: Plan) -> SticksPercent:
         """The sticks of a plan."""
         response = self._response
-        wanted = self._input(estimate, plan)
+        wanted = self.input(estimate, plan)
         if self._steering is not None and plan.steerable:
-            asked = self._steering.input_mps2(self._seen(estimate, plan, wanted))
+            asked = self._steering.instead_of(wanted, estimate, plan)
             before, most = estimate.actuation.input_before, self._most_change(plan.gains)
             wanted = before + np.clip(rotated(asked, estimate.bar_rad) - before, -most, most)
         if plan.in_final_descent:
@@ -101,7 +257,7 @@ class Regulator:
             clamp(100.0 * plan.turn_rad_s / response.max_turn_rad_s, 100.0),
         )
 
-    def _input(self, estimate: Estimated, plan: Plan) -> Array:
+    def input(self, estimate: Estimated, plan: Plan) -> Array:
         """(2,) the input from now on, in the axes of the flight."""
         gains, before, wanted = plan.gains, estimate.actuation.input_before, np.empty(2)
         rows = gains.steady
@@ -150,33 +306,6 @@ class Regulator:
         speed_mps, rate_mps2 = actuation.tracked
         tilt = actuation.trim_mps2 + estimate.across.of(ACTUATION) - rate_mps2
         return speed_near_contact(wanted, tilt, speed_mps, response, levelling)
-
-    def steered(self, estimate: Estimated, plan: Plan) -> Steered:
-        """What a policy sees."""
-        return self._seen(estimate, plan, self._input(estimate, plan))
-
-    def _seen(self, estimate: Estimated, plan: Plan, wanted: Array) -> Steered:
-        across = estimate.across
-
-        def in_bar(vector: Array) -> Array:
-            return rotated(vector, -estimate.bar_rad)
-
-        return Steered(
-            offset_m=in_bar(estimate.offset_m),
-            speed_mps=in_bar(estimate.followed_mps),
-            thrust_mps2=in_bar(across.of(ACTUATION)),
-            gust_mps2=in_bar(across.of(GUST)),
-            wind_mps2=in_bar(across.of(WIND)),
-            wave_m=in_bar(across.of(WAVE)),
-            wave_mps=in_bar(across.of(WAVE_RATE)),
-            input_mps2=in_bar(estimate.actuation.input_before),
-            wanted_mps2=in_bar(wanted),
-            height_m=estimate.height_m,
-            sink_mps=estimate.down_mps,
-            contact_s=min(plan.contact_s, LONGEST_CONTACT_S),
-            landing=plan.descent is not None,
-            in_final_descent=plan.in_final_descent,
-        )
 
 
 def _quantised(pitch: float, roll: float, response: Response) -> tuple[float, float]:

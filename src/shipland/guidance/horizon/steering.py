@@ -12,7 +12,10 @@ from typing import Literal, Protocol
 import numpy as np
 
 from shipland.config import require
-from shipland.frames import Array
+from shipland.estimation.relative_state import ACTUATION, GUST, WAVE, WAVE_RATE, WIND
+from shipland.frames import Array, rotated
+from shipland.guidance.horizon.estimated import Estimated
+from shipland.guidance.horizon.regulator import LONGEST_CONTACT_S, Plan
 
 Kind = Literal["residual", "direct"]
 
@@ -45,8 +48,6 @@ LIMIT = 5.0
 """Scaled numbers are clipped at this."""
 REACH_M = 1.5
 """Where policies steer, from the landing point."""
-LONGEST_CONTACT_S = 3.0
-"""The predicted time to contact is cut to this: farther ahead nothing is predicted."""
 
 
 @dataclass(frozen=True)
@@ -123,11 +124,40 @@ def observation_of(seen: Steered) -> Array:
     return np.asarray(np.clip(np.concatenate([*values, whole]), -LIMIT, LIMIT))
 
 
+def steered(own: Array, estimate: Estimated, plan: Plan) -> Steered:
+    """What a policy sees where the pilot's own gains ask for the input `own` (2,), in the axes of the flight."""
+    across = estimate.across
+
+    def in_bar(vector: Array) -> Array:
+        return rotated(vector, -estimate.bar_rad)
+
+    return Steered(
+        offset_m=in_bar(estimate.offset_m),
+        speed_mps=in_bar(estimate.followed_mps),
+        thrust_mps2=in_bar(across.of(ACTUATION)),
+        gust_mps2=in_bar(across.of(GUST)),
+        wind_mps2=in_bar(across.of(WIND)),
+        wave_m=in_bar(across.of(WAVE)),
+        wave_mps=in_bar(across.of(WAVE_RATE)),
+        input_mps2=in_bar(estimate.actuation.input_before),
+        wanted_mps2=in_bar(own),
+        height_m=estimate.height_m,
+        sink_mps=estimate.down_mps,
+        contact_s=min(plan.contact_s, LONGEST_CONTACT_S),
+        landing=plan.descent is not None,
+        in_final_descent=plan.in_final_descent,
+    )
+
+
 class Steering(Protocol):
-    """A policy in the pilot's loop."""
+    """A policy in the pilot's loop; inherit from it."""
 
     note: str
     """What is wrong with it, in words; empty where nothing is."""
 
     def input_mps2(self, seen: Steered) -> Array:
         """(2,) the input to ask for, forward and starboard; never raises, and gives the pilot's own when it fails."""
+
+    def instead_of(self, own: Array, estimate: Estimated, plan: Plan) -> Array:
+        """(2,) the input, forward and starboard of the bar, instead of the pilot's `own` in the axes of the flight."""
+        return self.input_mps2(steered(own, estimate, plan))

@@ -19,10 +19,10 @@ import numpy as np
 
 from shipland.frames import Array
 from shipland.guidance.far import FarControl, FarTables
-from shipland.guidance.laws import clamp
 from shipland.guidance.mode_pilot import ModePilot, PilotState
-from shipland.guidance.near import NearControl, NearEstimate, SticksPercent
+from shipland.guidance.near import NearControl, NearEstimate
 from shipland.guidance.pilot import PilotSetup
+from shipland.guidance.response import SticksPercent, clamp
 from shipland.guidance.situation import PositionEstimate
 from shipland.messages import DeckSight, Mode, Observation, Telemetry
 

@@ -20,10 +20,9 @@ import numpy as np
 from shipland.camera import Camera, level_from_camera
 from shipland.cue import Cue
 from shipland.frames import Array, rotation_from_euler
-from shipland.guidance.laws import clamp
-from shipland.guidance.near import HOLD, MeasuredError, NearEstimate, SticksPercent
+from shipland.guidance.near import MeasuredError, NearEstimate
 from shipland.guidance.parameters import ImageServoingParameters
-from shipland.guidance.response import Response
+from shipland.guidance.response import HOLD, Response, SticksPercent, clamp
 
 _LONGEST_GAP_S = 1.0
 _LEAST_AHEAD = 0.1

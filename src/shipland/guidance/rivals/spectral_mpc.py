@@ -24,11 +24,10 @@ from scipy import linalg, sparse
 
 from shipland.extras import require
 from shipland.frames import Array, rotated, rotation_from_euler, wrap_angle
-from shipland.guidance.laws import clamp
 from shipland.guidance.mode_pilot import ModePilot
-from shipland.guidance.near import HOLD, MeasuredError, NearEstimate, SticksPercent
+from shipland.guidance.near import MeasuredError, NearEstimate
 from shipland.guidance.parameters import SpectralMpcParameters
-from shipland.guidance.response import Response
+from shipland.guidance.response import HOLD, Response, SticksPercent, clamp
 from shipland.guidance.situation import PositionEstimate
 from shipland.messages import Decision, Observation, PilotCommand, Telemetry
 

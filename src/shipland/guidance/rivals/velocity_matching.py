@@ -12,10 +12,9 @@ import math
 import numpy as np
 
 from shipland.frames import Array, rotated, rotation_from_euler, wrap_angle
-from shipland.guidance.laws import clamp
-from shipland.guidance.near import HOLD, MeasuredError, NearEstimate, SticksPercent
+from shipland.guidance.near import MeasuredError, NearEstimate
 from shipland.guidance.parameters import VelocityMatchingParameters
-from shipland.guidance.response import Response
+from shipland.guidance.response import HOLD, Response, SticksPercent, clamp
 
 _LONGEST_GAP_S = 1.0
 
