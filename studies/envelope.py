@@ -81,8 +81,8 @@ STUDY = Study(
     measure=measure,
     runs=10,
     measured=(
-        *("camera.py", "estimation", "flight.py", "frames.py", "geometric", "guidance", "rig.py", "safety", "scenario"),
-        *("sim", "vision", "evaluation/landing.py", "evaluation/envelope.py", "envelopes.py"),
+        *("camera.py", "estimation", "flight.py", "frames.py", "geometric.py", "guidance", "rig.py", "safety"),
+        *("scenario", "sim", "vision", "evaluation/landing.py", "evaluation/envelope.py", "envelopes.py"),
     ),
     minutes=220,
     picture=picture,

@@ -48,7 +48,7 @@ MOST_M = 0.5
 """Most that a component of a touchdown counts in a comparison, and each of a flight that did not touch the deck."""
 RESAMPLES = 5000
 MEASURED = (
-    *("camera.py", "estimation", "flight.py", "frames.py", "geometric", "guidance", "rig.py", "safety", "scenario"),
+    *("camera.py", "estimation", "flight.py", "frames.py", "geometric.py", "guidance", "rig.py", "safety", "scenario"),
     *("sim", "vision", "evaluation/landing.py", "evaluation/oracle.py", "statistics.py"),
 )
 COLUMNS = {

@@ -87,6 +87,6 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=30,
-    measured=("estimation", "flight.py", "geometric", "guidance", "safety", "scenario", "sim", "learning/policy"),
+    measured=("estimation", "flight.py", "geometric.py", "guidance", "safety", "scenario", "sim", "learning/policy"),
     minutes=30,
 )

@@ -92,6 +92,6 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=100,
-    measured=("estimation", "flight.py", "geometric", "guidance", "safety", "scenario", "sim"),
+    measured=("estimation", "flight.py", "geometric.py", "guidance", "safety", "scenario", "sim"),
     minutes=3,
 )

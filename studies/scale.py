@@ -86,6 +86,6 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=60,
-    measured=("camera.py", "frames.py", "geometric/parameters.py", "rig.py", "scenario/autonomy.py", "sim/ship"),
+    measured=("camera.py", "frames.py", "geometric.py", "rig.py", "scenario/autonomy.py", "sim/ship"),
     minutes=1,
 )

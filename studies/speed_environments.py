@@ -66,7 +66,7 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=1000,
-    measured=("environments", "estimation", "flight.py", "geometric", "guidance", "safety", "scenario", "sim"),
+    measured=("environments", "estimation", "flight.py", "geometric.py", "guidance", "safety", "scenario", "sim"),
     minutes=1,
     alone=True,
 )

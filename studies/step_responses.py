@@ -21,8 +21,8 @@ from shipland.messages import PilotCommand
 from shipland.rig import Rig
 from shipland.sim.air.wind import ShipPlace, SteadyWind
 from shipland.sim.aircraft.parameters import AircraftParameters
-from shipland.sim.contact.touchdown import VerdictParameters
 from shipland.sim.ship.ship import Ship, Still, StillCourse
+from shipland.sim.touchdown import VerdictParameters
 from shipland.sim.world import StartParameters, World
 from studies.harness import Case, Column, Row, Study
 

@@ -13,10 +13,10 @@ from shipland.messages import Intent, PilotCommand
 from shipland.rig import Rig
 from shipland.sim.air.wind import SteadyWind, Wind
 from shipland.sim.aircraft.parameters import AircraftParameters
-from shipland.sim.contact.touchdown import VerdictParameters
 from shipland.sim.ship.course import CourseState, StillCourse
 from shipland.sim.ship.deck_motion import DeckMotion, Sinusoids, Still
 from shipland.sim.ship.ship import Ship
+from shipland.sim.touchdown import VerdictParameters
 from shipland.sim.world import StartParameters, World
 
 QUIET = {

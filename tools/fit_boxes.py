@@ -3,8 +3,7 @@
     shipland evaluate --weights ship --kind ship --count 240 --frames 3 --keep-boxes --out out/boxes
     python tools/fit_boxes.py out/boxes/scenes.jsonl --kind ship
 
-Prints the lists of `[geometric.ship]` or `[geometric.bar]` in geometric/parameters.py, and how many frames they rest
-on.
+Prints the lists of `[geometric.ship]` or `[geometric.bar]` in geometric.py, and how many frames they rest on.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from typing import Literal
 import numpy as np
 import tyro
 
-from shipland.geometric.parameters import GeometricParameters
+from shipland.geometric import GeometricParameters
 from shipland.learning.ranges import SceneRecord, hits
 from shipland.vision.far.parameters import detector_parameters
 

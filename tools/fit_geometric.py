@@ -2,7 +2,7 @@
 
     python tools/fit_geometric.py
 
-Prints a table; `[geometric]` in geometric/parameters.py carries the fit.
+Prints a table; `[geometric]` in geometric.py carries the fit.
 """
 
 from __future__ import annotations

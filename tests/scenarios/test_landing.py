@@ -5,7 +5,7 @@ import pytest
 
 from shipland.api import fly
 from shipland.config import merge
-from shipland.geometric.vision import GeometricVision
+from shipland.geometric import GeometricVision
 from shipland.messages import Mode, PilotCommand
 from shipland.record.reader import read_log
 from shipland.scenario.autonomy import build_scene, build_vehicle

@@ -29,7 +29,7 @@ from shipland.sim.aircraft.step import (
     ground_effect_gain,
     trim_hover,
 )
-from shipland.sim.contact.body import Body, DeckState, build_model, deck_values
+from shipland.sim.contact import Body, DeckState, build_model, deck_values
 from shipland.sim.ship.course import StillCourse
 from shipland.sim.ship.deck_motion import Still
 from shipland.sim.ship.ship import Ship

@@ -9,9 +9,9 @@ import pytest
 
 from shipland.camera import Camera, camera_pose, level_from_camera
 from shipland.frames import CAMERA_FROM_MOUNT, Pose
-from shipland.geometric.parameters import GeometricParameters
-from shipland.geometric.vision import (
+from shipland.geometric import (
     CornerMeasurement,
+    GeometricParameters,
     GeometricVision,
     _down_in_camera,
     inside,

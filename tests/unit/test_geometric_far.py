@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from shipland.config import merge
-from shipland.geometric.parameters import BoxErrors
-from shipland.geometric.vision import GeometricFar
+from shipland.geometric import BoxErrors, GeometricFar
 from shipland.messages import PilotCommand
 from shipland.scenario.autonomy import build_vehicle
 from shipland.scenario.scenario import load_scenario, scenario_table

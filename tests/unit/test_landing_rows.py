@@ -23,7 +23,7 @@ from shipland.messages import Decision, Intent, PilotCommand, TouchdownVerdict
 from shipland.scenario.autonomy import drawn_ship
 from shipland.scenario.fly import Flown
 from shipland.scenario.scenario import load_scenario
-from shipland.sim.contact.touchdown import NO_TOUCH, Judge, OnDeck
+from shipland.sim.touchdown import NO_TOUCH, Judge, OnDeck
 
 SCENARIO = load_scenario("rig-natops", ship={"motion": "still"})
 SWAYED = {"motion": "sinusoids", "sinusoids": {"amplitude_m_deg": [0, 0.3, 0, 0, 0, 0], "period_s": [10.0] * 6}}

@@ -8,9 +8,9 @@ import pytest
 from shipland.config import build, merge
 from shipland.messages import Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
-from shipland.sim.contact.touchdown import NO_TOUCH, Contacts, Judge, OnDeck, VerdictParameters
 from shipland.sim.ship.course import StillCourse, StraightCourse
 from shipland.sim.ship.ship import Ship, ShipParameters, build_ship
+from shipland.sim.touchdown import NO_TOUCH, Contacts, Judge, OnDeck, VerdictParameters
 from shipland.sim.world import World
 from worlds import QUIET, CircleCourse, come_down, natops, six_sinusoids, world
 

@@ -10,7 +10,7 @@ from shipland.config import merge
 from shipland.frames import MUJOCO_FROM_NED, Array, euler_from_rotation, quaternion_from_rotation, rotation_from_euler
 from shipland.messages import Intent, PilotCommand
 from shipland.rig import Rig
-from shipland.sim.contact.body import DeckDriver, DeckState, against_deck, build_model, deck_values
+from shipland.sim.contact import DeckDriver, DeckState, against_deck, build_model, deck_values
 from shipland.sim.ship.ship import Ship, ShipState
 from shipland.sim.world import STEP_S
 from worlds import QUIET, CircleCourse, WanderingCourse, aircraft_parameters, natops, six_sinusoids, world

@@ -22,8 +22,8 @@ from shipland.evaluation.suite import Cell
 from shipland.evaluation.tally import Tally
 from shipland.scenario.scenario import Scenario, load_scenario
 from shipland.scenario.seeds import generators_of
-from shipland.sim.contact.touchdown import VerdictParameters
 from shipland.sim.ship.ship import build_ship
+from shipland.sim.touchdown import VerdictParameters
 
 KNOT_MPS = 0.514444
 NATOPS_ROLL_DEG, NATOPS_PITCH_DEG = 8.0, 3.0

@@ -21,8 +21,8 @@ from shipland.scenario.autonomy import drawn_ship, drawn_wind_of
 from shipland.scenario.faults import Fault, faults_of
 from shipland.scenario.fly import Flown
 from shipland.scenario.scenario import Scenario
-from shipland.sim.contact.touchdown import broken_limit
 from shipland.sim.ship.ship import SAME_MOTION_SEED, Ship
+from shipland.sim.touchdown import broken_limit
 
 NAN = float("nan")
 _DIGITS = 4

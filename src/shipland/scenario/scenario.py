@@ -29,16 +29,16 @@ from shipland.config import (
     settings,
 )
 from shipland.errors import ConfigError
-from shipland.geometric.parameters import GeometricParameters
+from shipland.geometric import GeometricParameters
 from shipland.guidance.parameters import GuidanceParameters
 from shipland.rig import Rig
 from shipland.safety.assurance import SafetyParameters
 from shipland.scenario.faults import Fault, FaultDraw
 from shipland.sim.air.wind import WindParameters
 from shipland.sim.aircraft.parameters import AircraftParameters
-from shipland.sim.contact.touchdown import VerdictParameters
 from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.ship.ship import ShipParameters
+from shipland.sim.touchdown import VerdictParameters
 from shipland.sim.world import StartParameters
 from shipland.vehicles.delays import DelayParameters
 from shipland.vision.far.parameters import DetectorParameters

@@ -74,7 +74,7 @@ def _of_pictures(setup: VisionSetup, near: Vision) -> Vision:
 @without_pictures
 def geometric(setup: VisionSetup) -> Vision:
     """True corners and boxes with the errors of `rendered`, without a picture."""
-    from shipland.geometric.vision import GeometricDeck, GeometricFar, GeometricVision
+    from shipland.geometric import GeometricDeck, GeometricFar, GeometricVision
 
     scenario, vehicle, camera, model = setup.scenario, setup.vehicle, setup.camera, setup.scenario.geometric
     if not isinstance(vehicle, GroundTruthSource):

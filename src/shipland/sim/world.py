@@ -28,11 +28,10 @@ from shipland.sim.aircraft.sensors import (
     set_surface,
 )
 from shipland.sim.aircraft.step import fly_free, sense_once, tick, tick_senses
-from shipland.sim.contact.body import Body, DeckDriver, DeckState, against_deck, build_model, deck_in_ned, deck_values
-from shipland.sim.contact.touchdown import NO_TOUCH, Judge, OnDeck, VerdictParameters
+from shipland.sim.contact import Body, DeckDriver, DeckState, against_deck, build_model, deck_in_ned, deck_values
 from shipland.sim.ship.ship import Ship, ShipState
-from shipland.sim.snapshot import Snapshot, scene_of, truth_of
-from shipland.sim.state import SceneState
+from shipland.sim.state import SceneState, Snapshot, scene_of, truth_of
+from shipland.sim.touchdown import NO_TOUCH, Judge, OnDeck, VerdictParameters
 
 STEP_S = 0.002
 """Physics step: what MuJoCo's contacts want."""

@@ -18,7 +18,7 @@ from shipland.messages import TouchdownVerdict
 from shipland.scenario.autonomy import build_scene, drawn_ship
 from shipland.scenario.scenario import Scenario
 from shipland.scenario.seeds import generators_of
-from shipland.sim.snapshot import Snapshot, scene_of, truth_of
+from shipland.sim.state import Snapshot, scene_of, truth_of
 from shipland.vehicles.frame_link import frame_record, verdict_record
 
 

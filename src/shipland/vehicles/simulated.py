@@ -11,8 +11,7 @@ import numpy as np
 from shipland.camera import Camera
 from shipland.errors import VehicleError
 from shipland.messages import Frame, GroundTruth, PilotCommand, Telemetry, TouchdownVerdict
-from shipland.sim.snapshot import Snapshot
-from shipland.sim.state import SceneState
+from shipland.sim.state import SceneState, Snapshot
 from shipland.sim.world import World
 from shipland.vehicles.delays import DelayParameters, TelemetryFeed
 from shipland.vehicles.vehicle import unless_late

@@ -24,9 +24,9 @@ from shipland.rig import Rig, Solid, layout
 from shipland.sim.aircraft.aircraft import Clearance
 from shipland.sim.aircraft.parameters import Shape, Vector
 from shipland.sim.aircraft.record import Record, RigidBodyState, at
-from shipland.sim.contact.touchdown import Contacts, OnDeck
 from shipland.sim.rotations import quaternion_of_euler, rows_of_euler, rows_of_quaternion
 from shipland.sim.ship.ship import ShipState
+from shipland.sim.touchdown import Contacts, OnDeck
 
 if TYPE_CHECKING:
     import mujoco

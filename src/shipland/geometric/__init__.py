@@ -1,1 +1,0 @@
-"""The geometric camera: no picture, but what vision would make of one, with its errors."""

@@ -1,1 +1,0 @@
-"""MuJoCo's side: bodies, the driven deck, contacts, the touchdown's verdict."""
