@@ -52,10 +52,10 @@ def test_detections_are_those_of_all_scenes():
     for row in table_of("far_vision"):
         link = f'"table kind={row[0]} group=together'
         every = next(found for found in rows_below(page, link) if found[0] == "all")
-        assert row[1:] == [every[1], every[3], every[7], every[8]]
+        assert row[1:] == [every[1], every[4], every[8], every[9]]
 
     clear = next(found for found in rows_below(page, '"table kind=ship group=together') if found[0] == "clear")
-    assert f"(in clear air 0.99 to {clear[7]} m)" in README
+    assert f"(in clear air 0.99 to {clear[8]} m)" in README
 
 
 def test_headline_landings():
