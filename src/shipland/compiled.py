@@ -66,11 +66,15 @@ def is_compiled() -> bool:
     return folder is not None and any(folder.rglob("*.nbi"))
 
 
+def compiles_for_all() -> bool:
+    """Whether the next process that calls compiled functions leaves its machine code to all that start after it."""
+    return not (_SETTINGS.DISABLE_JIT or is_compiled()) and cache_folder(Path(__file__).parent) is not None
+
+
 def say_that_it_compiles() -> None:
     """Warn, in a line, where no machine code is on disk yet: a first flight then looks as if it stood still."""
     if not (_SETTINGS.DISABLE_JIT or is_compiled()):
-        folder = cache_folder(Path(__file__).parent)
-        often = "each time: no cache folder can be written" if folder is None else "once"
+        often = "once" if compiles_for_all() else "each time: no cache folder can be written"
         _LOGGER.warning("compiling for this processor, %s; takes about a minute", often)
 
 

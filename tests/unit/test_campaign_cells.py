@@ -15,7 +15,7 @@ from test_campaign import GOOD, NOWHERE, seeded
 
 from shipland.config import packaged_names
 from shipland.errors import ConfigError, DataError
-from shipland.evaluation import job
+from shipland.evaluation import campaign, job
 from shipland.evaluation.campaign import CampaignPlan, open_campaign, processes, read_cells, write_rows
 from shipland.evaluation.leaderboard import (
     leaderboard,
@@ -132,6 +132,22 @@ def test_a_flight_that_is_lost_is_named_and_flown_again(plan, monkeypatch):
         assert {(seed, why) for _, seed, why in bench.lost} == {(3, "ValueError: no such thing")}
     monkeypatch.setattr(job, "land_once", land)
     assert fly(plan) == 4
+
+
+@pytest.mark.parametrize(("compiles", "rounds"), [(True, [[1], [2, 3]]), (False, [[1, 2, 3]])])
+def test_the_first_flight_compiles_in_a_process_that_flies_no_other(plan, monkeypatch, compiles, rounds):
+    flown = []
+
+    def run_jobs(_do, jobs, workers, _keep, _lose):
+        assert workers == 2
+        flown.append([job.seed for job in jobs])
+        yield from ()
+
+    monkeypatch.setattr(campaign, "compiles_for_all", lambda: compiles)
+    monkeypatch.setattr(campaign, "run_jobs", run_jobs)
+    with open_campaign(replace(plan, cells=plan.cells[:1])) as bench:
+        list(bench.fly(processes(2)))
+    assert flown == rounds
 
 
 def test_memory_does_not_grow_with_the_flights(plan):

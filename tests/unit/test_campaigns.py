@@ -200,7 +200,8 @@ def test_a_script_without_a_guard_flies_its_own_pilot_in_two_processes(tmp_path)
     command = [sys.executable, "script.py"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert done.stdout.splitlines() == ["the script runs", "True 4 __main__:own"], done.stderr
-    assert len(list(tmp_path.glob("*.flown"))) in (1, 2)  # of two processes one may have got no such flight
+    # Of two processes one may have got no such flight; where nothing was compiled, a third has flown the first.
+    assert len(list(tmp_path.glob("*.flown"))) in (1, 2, 3)
     assert re.search("DataError: out/.* holds landings of another own pilot or vision code", done.stderr)
 
 

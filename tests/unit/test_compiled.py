@@ -57,9 +57,12 @@ def test_a_first_flight_says_that_it_compiles_and_a_second_does_not(tmp_path, mo
     monkeypatch.setattr(module._SETTINGS, "DISABLE_JIT", 0)
     module.say_that_it_compiles()
     assert caplog.messages == ["compiling for this processor, once; takes about a minute"]
+    assert module.compiles_for_all()
     (tmp_path / "kernels.nbi").write_text("")
     module.say_that_it_compiles()
     assert len(caplog.messages) == 1
+    assert not module.compiles_for_all()
     monkeypatch.setattr(module, "cache_folder", lambda _: None)
     module.say_that_it_compiles()
+    assert not module.compiles_for_all()  # each process compiles for itself
     assert "each time: no cache folder can be written" in caplog.messages[1]

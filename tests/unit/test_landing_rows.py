@@ -1,6 +1,8 @@
 """A landing's row: causes by counterfactual, conditions as drawn, and no touchdown where there was none."""
 
+import gc
 import math
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -162,3 +164,21 @@ def test_a_flight_starts_where_its_row_says():
     assert 1.0 <= found.conditions.start_height_m <= 2.0
     assert abs(found.conditions.start_heading_error_deg) <= 5.5
     assert len(str(found.time_s)) < 8
+
+
+def test_a_flight_leaves_nothing_in_its_process():
+    """Flown again when caches have what it asks for; the collector is off, so that cycles of references are seen."""
+    flight = FlightJob(load_scenario("near", time_limit_s=0.5), "horizon", "geometric", 3)
+
+    def ours():
+        return Counter(type(it) for it in gc.get_objects() if str(type(it).__module__).startswith("shipland"))
+
+    land_once(flight)
+    gc.collect()
+    gc.disable()
+    try:
+        before = ours()
+        land_once(flight)
+        assert ours() - before == Counter()
+    finally:
+        gc.enable()

@@ -8,9 +8,11 @@ import platform
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from shipland.compiled import compiles_for_all
 from shipland.config import build
 from shipland.errors import DataError
 from shipland.evaluation.folder import CampaignFolder, campaign_key, claimed, folder_in, read_campaign
@@ -161,10 +163,17 @@ def open_campaign(plan: CampaignPlan) -> Iterator[OpenCampaign]:
 
 
 def processes(count: int) -> Executor:
-    """Flights in `count` processes of this machine."""
+    """Flights in `count` processes of this machine.
+
+    Where several processes have no machine code yet, the first flight has one of its own: a compiler never gives its
+    memory back, and what one has compiled the others only load.
+    """
 
     def executor(flights: Iterable[FlightJob], keep: Keep, lose: Lose) -> Iterator[tuple[FlightJob, Landing]]:
-        return run_jobs(land_quietly, flights, count, keep, lose)
+        waiting = iter(flights)
+        if count > 1 and compiles_for_all():
+            yield from run_jobs(land_quietly, islice(waiting, 1), count, keep, lose)
+        yield from run_jobs(land_quietly, waiting, count, keep, lose)
 
     return executor
 
