@@ -38,7 +38,7 @@ class Dataset:
     url: str = "https://example.org/shipland-landings"
     """Where it will lie."""
     lerobot: bool = False
-    """Write folder lerobot too, which must not be there yet: `LeRobotDataset` of lerobot 0.4 to 0.6 reads it."""
+    """Write folder lerobot too, which must not be there yet: `LeRobotDataset` of lerobot 0.6 reads it."""
     pictures: bool = False
     """Write pictures.zip and pictures.csv too: camera, attitude, gimbal and the cue's corners of each."""
 

@@ -1,4 +1,4 @@
-"""Flights in the layout of LeRobot's data sets, version 3.0: what `LeRobotDataset` of lerobot 0.4 to 0.6 reads.
+"""Flights in the layout of LeRobot's data sets, version 3.0: what `LeRobotDataset` of lerobot 0.6 reads.
 
 A flight is an episode. `observation.state` and `action` are the flat observation and the action of
 `shipland/Landing-v0`: a policy that imitates the pilot flies there. Where every log keeps pictures, a row is a cycle
