@@ -26,6 +26,7 @@ EXTRAS: dict[str, Extra] = {
     "plots": Extra("matplotlib", "pictures of flights and campaigns, `paper`, `motion`, `print-cue`"),
     "film": Extra("av", "videos and streams that are looked at; flight.mp4 in H.264, which browsers play"),
     "openvino": Extra("openvino", "detectors in half the time on a CPU that computes in bf16"),
+    "dataset": Extra("pyarrow", "`shipland dataset` in Parquet, and in LeRobot's layout"),
     "mavlink": Extra("pymavlink", "ArduPilot and PX4 vehicles, their logs for `see`"),
     "ros2": Extra("rosbags", "`ros2://` vehicles, nodes and bags"),
     "mpc": Extra("osqp", "pilot `spectral_mpc`"),

@@ -18,9 +18,9 @@ env_checker = pytest.importorskip("gymnasium.utils.env_checker", reason="the ext
 from shipland.environments import LANDING  # noqa: E402
 from shipland.environments.actions import ResidualPilot  # noqa: E402
 from shipland.environments.flight_env import SteppedFlight  # noqa: E402
-from shipland.environments.landing import LandingEnv  # noqa: E402
-from shipland.environments.observations import OLDEST_S, Observer, observation_space  # noqa: E402
+from shipland.environments.landing import LandingEnv, observation_space  # noqa: E402
 from shipland.guidance.pilot import horizon  # noqa: E402
+from shipland.record.observations import OLDEST_S, Observer  # noqa: E402
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 ZERO = np.zeros(4, np.float32)

@@ -13,12 +13,12 @@ from gymnasium import spaces
 from shipland import factories
 from shipland.environments.actions import STICKS, ActionPilot, ResidualPilot, StickPilot
 from shipland.environments.flight_env import FlightEnv, one_of
-from shipland.environments.observations import Arrays, Observer, observation_space
 from shipland.errors import ConfigError
 from shipland.factories import Factory
 from shipland.flight import Cycle
 from shipland.guidance.pilot import PilotSetup
 from shipland.messages import PilotCommand
+from shipland.record.observations import BOUNDS, Arrays, Observer
 from shipland.scenario.scenario import Scenario
 
 Seen = Arrays | npt.NDArray[np.float32]
@@ -84,6 +84,11 @@ class LandingEnv(FlightEnv[Seen]):
             return entries
         flat: npt.NDArray[np.float32] = np.concatenate(list(entries.values()))
         return flat
+
+
+def observation_space() -> spaces.Dict:
+    """The space of `Observer.take`; flattened, its entries follow each other in the order of the alphabet."""
+    return spaces.Dict({name: spaces.Box(low, high, dtype=np.float32) for name, (low, high) in BOUNDS.items()})
 
 
 def _bound_of(bound: float | Sequence[float]) -> npt.NDArray[np.float64]:

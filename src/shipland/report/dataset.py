@@ -1,22 +1,25 @@
-"""A campaign as a data set: rows as CSV and Parquet, logs in a zip, and a Croissant card that describes them.
+"""A campaign or single flights as a data set: rows as CSV and Parquet, logs, pictures, and a Croissant card of them.
 
 Croissant 1.0 (MLCommons) is JSON-LD on schema.org: files with their digests, and what each column of the rows means.
 """
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import zipfile
-from collections.abc import Sequence
-from importlib.util import find_spec
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from shipland.descriptions import descriptions, unit_of
 from shipland.errors import DataError
-from shipland.evaluation.campaign import CellResult, read_cells, rows_of, write_rows
-from shipland.evaluation.landing import Conditions, Landing, Phases, column_of
-from shipland.files import json_bytes, write_atomically
+from shipland.evaluation.campaign import cells_file, read_cells, rows_of
+from shipland.evaluation.landing import Conditions, Landing, Phases, as_text, column_of
+from shipland.extras import installed
+from shipland.files import json_bytes, replacing, write_atomically
+from shipland.report.lerobot import write_lerobot
+from shipland.report.posed_pictures import MEANINGS, pack_pictures
 
 _WORDS = """citeAs column equivalentProperty extract field fileObject fileProperty fileSet format includes isLiveDataset
     jsonPath key md5 parentField path recordSet references regex repeated replace samplingRate separator source subField
@@ -35,6 +38,11 @@ _CONTEXT: dict[str, Any] = {
     "examples": {"@id": "cr:examples", "@type": "@json"},
 }
 _TYPES = {"i": "sc:Integer", "f": "sc:Float", "b": "sc:Boolean"}
+_FORMS = {".json": "application/json", ".mp4": "video/mp4", ".parquet": "application/x-parquet"}
+_PACKED = {
+    "logs.zip": ("logs", "application/octet-stream", "*.mcap", "flight logs: a row a cycle, in Foxglove's schemas"),
+    "pictures.zip": ("images", "image/png", "*.png", "FLIGHT/NUMBER.png, as the logs keep them"),
+}
 _BESIDE = {
     "suite": "suite and version, empty where there is none",
     "cell": "scenario, settings and pilot in a word",
@@ -54,56 +62,84 @@ class Described(NamedTuple):
     version: str = "1.0.0"
 
 
-def write_dataset(folder: Path, out: Path, described: Described) -> list[str]:
-    """Write landings.csv, landings.parquet where pyarrow is installed, logs.zip where there are logs, croissant.json.
+def write_dataset(
+    folder: Path, out: Path, described: Described, *, lerobot: bool = False, pictures: bool = False
+) -> list[str]:
+    """Write what there is: landings.csv of a campaign, logs.zip, croissant.json; a .parquet beside where pyarrow is.
 
-    The names of the files are returned.
+    Args:
+        folder: of a campaign, or of flights' logs.
+        out: made when it does not exist.
+        described: for the card.
+        lerobot: the logs in LeRobot's layout too, in folder lerobot.
+        pictures: those of the logs too, with their cameras' poses: pictures.csv, pictures.zip.
+
+    Returns:
+        The names of files and folders.
 
     Raises:
-        DataError: the folder holds no flights.
+        DataError: the folder holds no flights, or no logs, or no pictures, where these are asked for.
+        SystemLibraryError: an extra is missing.
     """
-    cells = read_cells([folder])
-    if not any(cell.landings for cell in cells):
-        raise DataError(f"{folder} holds no flights yet")
+    logs = {str(log.relative_to(folder).with_suffix("")): log for log in sorted(folder.rglob("*.mcap"))}
+    cells = read_cells([folder]) if cells_file(folder).is_file() or not logs else []
+    if cells:
+        if not any(cell.landings for cell in cells):
+            raise DataError(f"{folder} holds no flights yet")
+        kept = [(cell.name, it.seed, cell.logs) for cell in cells for it in cell.landings if cell.logs is not None]
+        paths = {f"{name}/{seed}": at / f"{seed}.mcap" for name, seed, at in kept}
+        logs = {name: path for name, path in paths.items() if path.is_file()}
+    if (lerobot or pictures) and not logs:
+        raise DataError(f"{folder} keeps no logs, which this is made of: `shipland campaign --logs` keeps them")
     out.mkdir(parents=True, exist_ok=True)
-    write_rows(out / "landings.csv", cells)
-    files = {"landings.csv": "text/csv"}
-    table = {name: column_of(name, [row[name] for row in rows_of(cells)]) for name in next(rows_of(cells))}
-    if find_spec("pyarrow") is not None:
+    files: dict[str, str] = {}
+    tables: dict[str, list[tuple[str, str]]] = {}
+    if pictures:
+        tables["pictures"] = _write_table(out, "pictures", pack_pictures(logs, out / "pictures.zip"), files)
+        files["pictures.zip"] = "application/zip"
+    if lerobot:
+        write_lerobot(logs, out / "lerobot")
+        inside = [path for path in sorted((out / "lerobot").rglob("*")) if path.is_file()]
+        files |= {path.relative_to(out).as_posix(): _FORMS[path.suffix] for path in inside}
+    if cells:
+        tables["landings"] = _write_table(out, "landings", list(rows_of(cells)), files)
+    if logs:
+        with zipfile.ZipFile(out / "logs.zip", "w", zipfile.ZIP_STORED) as packed:  # a log is compressed
+            for name, log in logs.items():
+                packed.writestr(zipfile.ZipInfo(f"{name}.mcap"), log.read_bytes())
+        files["logs.zip"] = "application/zip"
+    flights = sum(len(cell.landings) for cell in cells) or len(logs)
+    write_atomically(out / "croissant.json", json_bytes(_card(out, described, files, tables, flights)))
+    return [*dict.fromkeys(name.partition("/")[0] for name in files), "croissant.json"]
+
+
+def _write_table(
+    out: Path, name: str, rows: Sequence[Mapping[str, Any]], files: dict[str, str]
+) -> list[tuple[str, str]]:
+    """Rows as CSV and, with pyarrow, Parquet, noted in `files`; each column's name and Croissant's type of it."""
+    with replacing(out / f"{name}.csv") as beside, beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(as_text(dict(row)) for row in rows)
+    files[f"{name}.csv"] = "text/csv"
+    columns = {column: column_of(column, [row[column] for row in rows]) for column in rows[0]}
+    if installed("dataset"):
         import pyarrow
         from pyarrow import parquet
 
-        parquet.write_table(
-            pyarrow.table({name: values.tolist() for name, values in table.items()}), out / "landings.parquet"
-        )
-        files["landings.parquet"] = "application/x-parquet"
-    if _pack_logs(cells, out / "logs.zip"):
-        files["logs.zip"] = "application/zip"
-    fields = [(name, _TYPES.get(values.dtype.kind, "sc:Text")) for name, values in table.items()]
-    card = _card(out, described, files, fields, sum(len(cell.landings) for cell in cells))
-    write_atomically(out / "croissant.json", json_bytes(card))
-    return [*files, "croissant.json"]
-
-
-def _pack_logs(cells: Sequence[CellResult], path: Path) -> int:
-    """The logs that the campaign kept, as CELL/SEED.mcap; how many."""
-    logs = [
-        (f"{cell.name}/{landing.seed}.mcap", log)
-        for cell in cells
-        for landing in cell.landings
-        if cell.logs is not None and (log := cell.logs / f"{landing.seed}.mcap").is_file()
-    ]
-    if logs:
-        with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as packed:  # a log is compressed
-            for name, log in logs:
-                packed.writestr(zipfile.ZipInfo(name), log.read_bytes())
-    return len(logs)
+        table = pyarrow.table({column: values.tolist() for column, values in columns.items()})
+        parquet.write_table(table, out / f"{name}.parquet")
+        files[f"{name}.parquet"] = _FORMS[".parquet"]
+    return [(column, _TYPES.get(values.dtype.kind, "sc:Text")) for column, values in columns.items()]
 
 
 def _card(
-    out: Path, described: Described, files: dict[str, str], fields: Sequence[tuple[str, str]], flights: int
+    out: Path,
+    described: Described,
+    files: Mapping[str, str],
+    tables: Mapping[str, Sequence[tuple[str, str]]],
+    flights: int,
 ) -> dict[str, Any]:
-    meanings = _BESIDE | descriptions(Landing) | descriptions(Phases) | descriptions(Conditions)
     objects: list[dict[str, Any]] = []
     for name, form in files.items():
         with (out / name).open("rb") as stream:
@@ -111,27 +147,35 @@ def _card(
         size = f"{(out / name).stat().st_size} B"
         objects.append({"@type": "cr:FileObject", "@id": name, "name": name, "contentUrl": name, "contentSize": size,
                         "encodingFormat": form, "sha256": digest})  # fmt: skip
-    if "logs.zip" in files:
-        objects.append({"@type": "cr:FileSet", "@id": "logs", "name": "logs", "containedIn": {"@id": "logs.zip"},
-                        "description": "flight logs, CELL/SEED.mcap: a row a cycle, in Foxglove's schemas",
-                        "encodingFormat": "application/octet-stream", "includes": "*/*.mcap"})  # fmt: skip
-    rows = []
-    for name, kind in fields:
-        unit, said = unit_of(name), meanings.get(name, f"the cell's value of the setting {name}")
-        said = f"{said.rstrip('.')} [{unit}]" if unit else said
-        rows.append({"@type": "cr:Field", "@id": f"landings/{name}", "name": f"landings/{name}", "description": said,
-                     "dataType": kind, "source": {"fileObject": {"@id": "landings.csv"}, "extract": {"column": name}}}
-                    )  # fmt: skip
+    for packed, (name, form, pattern, said) in _PACKED.items():
+        if packed in files:
+            objects.append({"@type": "cr:FileSet", "@id": name, "name": name, "containedIn": {"@id": packed},
+                            "description": said, "encodingFormat": form, "includes": pattern})  # fmt: skip
     return {
         "@context": _CONTEXT,
         "@type": "sc:Dataset",
         "conformsTo": "http://mlcommons.org/croissant/1.0",
         "name": described.name,
-        "description": f"{flights} landings of a drone on a moving deck, simulated by shipland: a row each, and logs.",
+        "description": f"{flights} flights of a drone to a moving deck, by shipland: tables, logs, pictures.",
         "license": described.licence,
         "url": described.url,
         "version": described.version,
         "distribution": objects,
-        "recordSet": [{"@type": "cr:RecordSet", "@id": "landings", "name": "landings",
-                       "description": "a row a flight", "field": rows}],
-    }  # fmt: skip
+        "recordSet": [_record_set(name, columns) for name, columns in tables.items()],
+    }
+
+
+def _record_set(table: str, columns: Sequence[tuple[str, str]]) -> dict[str, Any]:
+    """What each column of a table means."""
+    meanings = _BESIDE | descriptions(Landing) | descriptions(Phases) | descriptions(Conditions)
+    fields = []
+    for column, kind in columns:
+        by_start = next((text for start, text in MEANINGS.items() if column.startswith(start)), "")
+        said = meanings.get(column) or by_start or f"the cell's value of the setting {column}"
+        unit, name = unit_of(column), f"{table}/{column}"
+        said = f"{said.rstrip('.')} [{unit}]" if unit else said
+        source = {"fileObject": {"@id": f"{table}.csv"}, "extract": {"column": column}}
+        fields.append({"@type": "cr:Field", "@id": name, "name": name, "description": said, "dataType": kind,
+                       "source": source})  # fmt: skip
+    about = {"@type": "cr:RecordSet", "@id": table, "name": table, "description": f"a row for each of the {table}"}
+    return about | {"field": fields}

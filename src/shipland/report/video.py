@@ -146,15 +146,23 @@ class Encoder(Protocol):
 class VideoWriter:
     """An MP4 of BGR pictures: H.264 where PyAV is installed and has libx264, else OpenCV's MPEG-4."""
 
-    def __init__(self, path: Path, width_px: int, height_px: int, parameters: VideoParameters) -> None:
+    def __init__(
+        self, path: Path, width_px: int, height_px: int, parameters: VideoParameters, key_frames: int = 250
+    ) -> None:
         """Open `path`, writing over what was there; width and height must be even.
+
+        At least every `key_frames`-th picture of H.264 stands for itself.
 
         Raises:
             DataError: the file cannot be written.
         """
         with writing(path, "video"):
             path.touch()
-        self._encoder: Encoder = (_H264 if _has_x264() else _Mpeg4)(path, width_px, height_px, parameters)
+        self._encoder: Encoder = (
+            _H264(path, width_px, height_px, parameters, key_frames)
+            if _has_x264()
+            else _Mpeg4(path, width_px, height_px, parameters)
+        )
         self._shape = (height_px, width_px, 3)
 
     def write(self, image: Image, t_s: float) -> None:
@@ -179,7 +187,7 @@ def _has_x264() -> bool:
 class _H264:
     """By PyAV; one encoder thread, so reproducible."""
 
-    def __init__(self, path: Path, width_px: int, height_px: int, parameters: VideoParameters) -> None:
+    def __init__(self, path: Path, width_px: int, height_px: int, parameters: VideoParameters, key_frames: int) -> None:
         import av
 
         try:
@@ -193,6 +201,7 @@ class _H264:
                     "preset": parameters.preset,
                     "tune": parameters.tune,
                     "crf": str(parameters.crf),
+                    "g": str(key_frames),
                     "threads": "1",
                 },
             )

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from gymnasium import spaces
 
 from shipland.camera import Camera
 from shipland.frames import wrap_angle
@@ -44,14 +43,31 @@ def _bounds() -> dict[str, tuple[list[float], list[float]]]:
     return bounds
 
 
-_BOUNDS = {
+BOUNDS = {
     name: (np.array(low, np.float32), np.array(high, np.float32)) for name, (low, high) in sorted(_bounds().items())
+}
+"""Lowest and highest values of each entry, in the order of the alphabet."""
+
+_ANGLES = ["roll_rad", "pitch_rad", "yaw_rad"]
+_PLACE = ["forward", "right", "down", "yaw"]
+_PARTS = {
+    "pose": ["forward_m", "right_m", "down_m", "yaw_rad"],
+    "pose_covariance": [f"{_PLACE[row]}_{_PLACE[column]}" for row, column in zip(*_UPPER, strict=True)],
+    "bar_box": ["column", "row", "width", "height", "confidence"],
+    "ship_box": ["column", "row", "width", "height", "confidence"],
+    "gimbal": _ANGLES,
+    "attitude": _ANGLES[:2],
+    "heading": ["cosine", "sine"],
+    "height": ["m"],
+    "velocity": ["forward_mps", "right_mps", "down_mps"],
+    "sent": ["pitch", "roll", "heave", "yaw"],
 }
 
 
-def observation_space() -> spaces.Dict:
-    """The space of `Observer.take`; flattened, its entries follow each other in the order of the alphabet."""
-    return spaces.Dict({name: spaces.Box(low, high, dtype=np.float32) for name, (low, high) in _BOUNDS.items()})
+def flat_names() -> list[str]:
+    """What each number is, of all entries one after the other."""
+    parts = _PARTS | {name: ["s"] for name in BOUNDS if name.endswith("_age")}
+    return [name for entry in BOUNDS for name in [f"{entry}_{part}" for part in parts.get(entry, [])] or [entry]]
 
 
 class Observer:
@@ -84,7 +100,7 @@ class Observer:
         if sent is not None:
             sticks = (sent.pitch_percent, sent.roll_percent, sent.heave_percent, sent.yaw_percent)
             newest["sent"] = sent.t_s, [0.01 * percent for percent in sticks]
-        return {name: self._entry(name, now_s) for name in _BOUNDS}
+        return {name: self._entry(name, now_s) for name in BOUNDS}
 
     def _take_telemetry(self, telemetry: Telemetry) -> None:
         def keep(name: str, t_s: float | None, values: list[float]) -> None:
@@ -101,7 +117,7 @@ class Observer:
             keep("velocity", telemetry.velocity_t_s, telemetry.velocity_in_level_mps.tolist())
 
     def _entry(self, name: str, now_s: float) -> npt.NDArray[np.float32]:
-        low, high = _BOUNDS[name]
+        low, high = BOUNDS[name]
         source = name.removesuffix("_age")
         t_s, values = self._newest.get(source, (-math.inf, [0.0] * len(low)))
         if source != name:

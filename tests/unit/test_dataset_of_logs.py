@@ -1,0 +1,206 @@
+"""`shipland dataset` of logs: LeRobot's layout holds what the pilot was told; a picture's pose is the true one."""
+
+import csv
+import json
+import sys
+import zipfile
+
+import cv2
+import numpy as np
+import pytest
+from made_up_flight import CAMERA, INFO, RIG, VERDICT, flight
+from test_landings_dataset import HERE
+
+import shipland
+from shipland.errors import DataError, SystemLibraryError
+from shipland.frames import rotation_from_quaternion
+from shipland.record.channels import LogParameters
+from shipland.record.reader import read_log
+from shipland.record.writer import LogWriter
+from shipland.report.dataset import write_dataset
+from shipland.report.lerobot import write_lerobot
+from shipland.vision.log_pictures import read_pictures
+
+FILM = "observation.images.camera"
+
+
+def made_up_log(path, seed=7, width_px=320, rate_hz=10.0, to_s=35.0, witnessed=True):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with LogWriter(path, INFO, RIG, CAMERA, LogParameters(image_rate_hz=rate_hz, image_width_px=width_px)) as writer:
+        for record in flight(seed, 33.0, to_s, witnessed=witnessed):
+            writer.append(record)
+        writer.finish(VERDICT)
+    return path
+
+
+@pytest.fixture
+def flights(tmp_path):
+    """A folder of two flights with pictures."""
+    for seed in (1, 2):
+        made_up_log(tmp_path / "flown" / str(seed) / "flight.mcap", seed, to_s=34.0 + 0.5 * seed)
+    return tmp_path / "flown"
+
+
+def lerobot_of(folder):
+    """info.json, stats.json, and the rows and episodes as dicts of arrays."""
+    parquet = pytest.importorskip("pyarrow.parquet", reason="LeRobot's layout wants the extra dataset")
+    info, stats = (json.loads((folder / "meta" / f"{name}.json").read_text()) for name in ("info", "stats"))
+    rows, episodes = (
+        {name: np.array(values.to_pylist()) for name, values in zip(table.column_names, table.columns, strict=True)}
+        for table in (
+            parquet.read_table(folder / info["data_path"].format(chunk_index=0, file_index=0)),
+            parquet.read_table(folder / "meta/episodes/chunk-000/file-000.parquet"),
+        )
+    )
+    return info, stats, rows, episodes
+
+
+@pytest.fixture
+def flown(tmp_path):
+    """LeRobot's layout of two geometric flights of a second."""
+    pytest.importorskip("pyarrow", reason="LeRobot's layout wants the extra dataset")
+    options = {"settings": "time_limit_s=1", "runs": 2, "workers": 1, "progress": False, "oracle_motions": 0}
+    shipland.campaign(scenario="near", out=tmp_path / "flown", logs=True, **options)
+    write_dataset(tmp_path / "flown", tmp_path / "set", HERE, lerobot=True)
+    return tmp_path / "set" / "lerobot"
+
+
+def test_an_episode_is_a_flight(flown):
+    info, stats, rows, episodes = lerobot_of(flown)
+    assert (info["codebase_version"], info["fps"], info["video_path"]) == ("v3.0", 30, None)
+    assert info["total_episodes"] == len(episodes["length"]) == 2
+    assert info["total_frames"] == episodes["length"].sum() == len(rows["index"])
+    assert set(rows) == set(info["features"])
+    assert np.array_equal(rows["index"], np.arange(len(rows["index"])))
+    for start, end in zip(episodes["dataset_from_index"], episodes["dataset_to_index"], strict=True):
+        assert rows["next.done"][start:end].tolist() == [False] * (end - start - 1) + [True]
+        assert np.allclose(rows["timestamp"][start:end], np.arange(end - start) / 30.0, atol=1e-6)
+        late_s = rows["exposure_s"][start:end] - rows["exposure_s"][start] - rows["timestamp"][start:end]
+        assert np.abs(late_s).max() < 0.5 / 30.0
+    assert not rows["next.success"].any()
+    assert [len(info["features"][name]["names"]) for name in ("observation.state", "action")] == [48, 4]
+    assert np.allclose(stats["action"]["mean"], rows["action"].mean(0), atol=1e-9)
+    assert stats["action"]["count"] == [len(rows["action"])]
+
+
+def test_the_state_is_what_an_agent_sees(flown):
+    gymnasium = pytest.importorskip("gymnasium", reason="the extra rl is not installed")
+    env = gymnasium.make(
+        "shipland.environments:shipland/Landing-v0",
+        action="residual",
+        observation="flat",
+        overrides={"time_limit_s": 1.0},
+    )
+    _, _, rows, episodes = lerobot_of(flown)
+    seen, _ = env.reset(seed=1)  # with zeros added the pilot flies its own flight
+    for state in rows["observation.state"][: episodes["length"][0]]:
+        assert np.array_equal(state.astype(np.float32), seen)
+        seen, _, _, over, _ = env.step(np.zeros(4, np.float32))
+        if over:
+            break
+    assert over
+
+
+def test_the_film_shows_the_pictures_of_its_rows(flights, tmp_path):
+    av = pytest.importorskip("av", reason="a film wants the extra film")
+    pytest.importorskip("pyarrow", reason="LeRobot's layout wants the extra dataset")
+    assert "lerobot" in write_dataset(flights, tmp_path / "set", HERE, lerobot=True)
+    info, stats, rows, episodes = lerobot_of(tmp_path / "set" / "lerobot")
+    assert (info["fps"], info["features"][FILM]["shape"]) == (10, [180, 320, 3])
+    assert np.array(stats[FILM]["mean"]).shape == (3, 1, 1)
+    assert rows["next.success"].sum() == 2
+    for number in range(2):
+        film = (
+            tmp_path / "set" / "lerobot" / info["video_path"].format(video_key=FILM, chunk_index=0, file_index=number)
+        )
+        with av.open(str(film)) as container:
+            frames = [(frame.time, frame.to_ndarray(format="bgr24")) for frame in container.decode(video=0)]
+        own = rows["episode_index"] == number
+        assert len(frames) == own.sum() == episodes["length"][number]
+        pictures = dict(read_pictures(flights / str(number + 1) / "flight.mcap"))
+        for (time_s, image), stamp_s, exposure_s in zip(
+            frames, rows["timestamp"][own], rows["exposure_s"][own], strict=True
+        ):
+            assert abs(time_s - stamp_s) < 1e-4  # LeRobot's tolerance
+            picture = pictures[round(1e9 * exposure_s)].astype(float)
+            assert np.abs(image - picture).mean() < 3.0  # of 255: what H.264 loses
+
+
+def test_lerobot_reads_it(flights, tmp_path):
+    datasets = pytest.importorskip("lerobot.datasets.lerobot_dataset", reason="the layout is checked by LeRobot itself")
+    write_dataset(flights, tmp_path / "set", HERE, lerobot=True)
+    found = datasets.LeRobotDataset("here/made-up", root=tmp_path / "set" / "lerobot", video_backend="pyav")
+    assert found.num_episodes == 2
+    assert found[3]["task"] == "land on the ship: made-up"
+    assert found[3][FILM].shape == (3, 180, 320)
+
+
+def test_a_picture_has_the_true_pose_of_its_camera(flights, tmp_path):
+    write_dataset(flights, tmp_path / "set", HERE, pictures=True)
+    with (tmp_path / "set" / "pictures.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    camera = CAMERA.scaled(320, 180)
+    logs = {f"{seed}/flight": read_log(flights / str(seed) / "flight.mcap").records for seed in (1, 2)}
+    with zipfile.ZipFile(tmp_path / "set" / "pictures.zip") as packed:
+        assert packed.namelist() == [row["picture"] for row in rows]
+        for row in rows:
+            value = {name: float(text) for name, text in row.items() if name not in ("picture", "flight")}
+            rotation = rotation_from_quaternion(np.array([value[f"bar_from_camera_{part}"] for part in "wxyz"]))
+            place_m = np.array([value[f"camera_in_bar_{part}_m"] for part in ("forward", "right", "down")])
+            seen_px = camera.project((RIG.cue.points_in_bar_m - place_m) @ rotation)
+            corners_px = np.array([[value[f"corner_{n}_{part}_px"] for part in ("column", "row")] for n in range(1, 9)])
+            assert np.allclose(seen_px, corners_px, atol=0.01)  # pixels, of six decimals of the pose
+            assert value["focal_px"] == pytest.approx(camera.focal_px, abs=1e-5)
+            image = cv2.imdecode(np.frombuffer(packed.read(row["picture"]), np.uint8), cv2.IMREAD_COLOR)
+            column, line = np.round(corners_px[:4].mean(0)).astype(int)
+            assert image[line, column, 1] > 150 > image[line, column, 2]  # the rectangle's green
+            record = min(logs[row["flight"]], key=lambda it: abs(it.frame.t_s - value["t_s"]))
+            assert value["gimbal_pitch_rad"] == pytest.approx(record.frame.gimbal.pitch_rad, abs=1e-6)
+
+
+def test_the_card_tells_of_pictures_and_layout(flights, tmp_path):
+    pytest.importorskip("pyarrow", reason="LeRobot's layout wants the extra dataset")
+    write_dataset(flights, tmp_path / "set", HERE, lerobot=True, pictures=True)
+    card = json.loads((tmp_path / "set" / "croissant.json").read_text())
+    listed = {item["@id"] for item in card["distribution"]}
+    assert {
+        "pictures.zip",
+        "logs.zip",
+        "lerobot/meta/info.json",
+        f"lerobot/videos/{FILM}/chunk-000/file-001.mp4",
+    } <= listed
+    fields = {field["name"]: field["description"] for field in card["recordSet"][0]["field"]}
+    assert fields["pictures/corner_8_row_px"].endswith("where it is cut [px]")
+    assert not [text for text in fields.values() if text.startswith("the cell's value")]
+
+
+def test_without_the_truth_a_picture_has_its_gimbal_alone(tmp_path):
+    made_up_log(tmp_path / "flown" / "flight.mcap", witnessed=False)
+    write_dataset(tmp_path / "flown", tmp_path / "set", HERE, pictures=True)
+    with (tmp_path / "set" / "pictures.csv").open() as file:
+        row = next(csv.DictReader(file))
+    assert "gimbal_pitch_rad" in row
+    assert not [name for name in row if name.startswith(("camera_in", "corner"))]
+
+
+def test_what_cannot_be_made_is_said(flights, tmp_path, monkeypatch):
+    made_up_log(tmp_path / "blind" / "flight.mcap", rate_hz=0.0)
+    with pytest.raises(DataError, match="no log keeps pictures"):
+        write_dataset(tmp_path / "blind", tmp_path / "set", HERE, pictures=True)
+    assert not list((tmp_path / "set").iterdir())
+    with monkeypatch.context() as without:
+        without.setitem(sys.modules, "pyarrow", None)
+        with pytest.raises(
+            SystemLibraryError, match=r"needs pyarrow; install it with: pip install 'shipland\[dataset\]'$"
+        ):
+            write_dataset(flights, tmp_path / "set", HERE, lerobot=True)
+    monkeypatch.setattr("shipland.report.lerobot.require", lambda *_: None)
+    (tmp_path / "set" / "lerobot").mkdir()
+    with pytest.raises(DataError, match=r"lerobot is there already: name another --out"):
+        write_dataset(flights, tmp_path / "set", HERE, lerobot=True)
+    made_up_log(flights / "3" / "flight.mcap", width_px=160)
+    logs = {str(seed): flights / str(seed) / "flight.mcap" for seed in (1, 3)}
+    with pytest.raises(DataError, match="of another size"):
+        write_lerobot(logs, tmp_path / "other")
+    with pytest.raises(DataError, match="two cycles"):
+        write_lerobot({"short": made_up_log(tmp_path / "short.mcap", to_s=33.01)}, tmp_path / "other")
