@@ -9,7 +9,6 @@ import math
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from contextlib import ExitStack
 
 from shipland.errors import VehicleError
@@ -17,8 +16,12 @@ from shipland.messages import Frame, GimbalAttitude, GroundTruth, PilotCommand, 
 from shipland.vehicles.camera_stream import CameraStream, PictureSource
 from shipland.vehicles.pace import First, Pace
 from shipland.vehicles.parameters import SetpointParameters
-from shipland.vehicles.stream_reader import StreamReader
-from shipland.vehicles.vehicle import unless_late
+from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
+
+_REMEMBERED = 64
+"""Given frames whose truth is kept."""
+_VERDICT_S = 5.0
+"""How long a simulated touchdown's verdict is waited for."""
 
 
 class SetpointVehicle(ABC):
@@ -32,7 +35,8 @@ class SetpointVehicle(ABC):
         self._parameters = parameters
         self._stack = ExitStack()
         self._stream: CameraStream | None = None
-        self._reader: StreamReader | None = None
+        self._given_s, self._pictured_s = -math.inf, time.monotonic()
+        self._truths: dict[float, GroundTruth] = {}
         self._pace: Pace | None = None
         self._lock = threading.Lock()
         self._command: tuple[PilotCommand, float] | None = None
@@ -67,6 +71,10 @@ class SetpointVehicle(ABC):
         """Leave the vehicle holding, where it is still ours, and let go of it; no signal cuts it short."""
 
     @abstractmethod
+    def _gimbal_at(self, t_s: float) -> tuple[GimbalAttitude, float]:
+        """The camera's attitude at a time, and how old the nearest reading is, for pictures without one."""
+
+    @abstractmethod
     def _tick(self, step_s: float) -> None:
         """One turn of the set-points' thread, `step_s` after the last."""
 
@@ -83,13 +91,38 @@ class SetpointVehicle(ABC):
 
     def read(self) -> tuple[Frame | None, Telemetry] | None:
         """The newest picture not given, or none within `LONGEST_WAIT_S`; None when the flight is over."""
-        if self._reader is None or self._closed or not self._engaged:
+        stream, timeout_s = self._stream, self._parameters.video_timeout_s
+        if stream is None or self._closed or not self._engaged:
             return None
-        return self._reader.read(lambda: self.end_reason, self._video_lost, self.telemetry_at)
+        if not self.end_reason:
+            until_s = time.monotonic() + LONGEST_WAIT_S
+            frame = self.look(LONGEST_WAIT_S)
+            if frame is not None:
+                self._pictured_s = time.monotonic()
+                return frame, self.telemetry_at(self._pictured_s)
+            judged = bool(stream.problem) and stream.verdict() is not None
+            if not judged and time.monotonic() - self._pictured_s <= timeout_s:
+                time.sleep(max(0.0, until_s - time.monotonic()))  # a stream that has ended does not wait
+                return None, self.telemetry_at(time.monotonic())
+            self._end(f"video lost: {stream.problem or f'no picture for {timeout_s:g} s'}; the vehicle holds")
+        if self._truths:  # a simulator's camera; it gives its verdict when the aircraft has come to rest
+            until_s = time.monotonic() + _VERDICT_S
+            while stream.verdict() is None and not stream.problem and time.monotonic() < until_s:
+                time.sleep(0.05)
+        return None
 
     def look(self, timeout_s: float) -> Frame | None:
         """The newest picture not given, without flying: only connected. None when none comes in time."""
-        return None if self._reader is None else self._reader.look(timeout_s)
+        shot = None if self._stream is None else self._stream.newest(self._given_s, timeout_s)
+        if shot is None:
+            return None
+        self._given_s = shot.exposed_s
+        if shot.truth is not None:
+            self._truths[shot.exposed_s] = shot.truth
+            for stamp_s in list(self._truths)[:-_REMEMBERED]:
+                del self._truths[stamp_s]
+        gimbal, age_s = (shot.gimbal, 0.0) if shot.gimbal is not None else self._gimbal_at(shot.exposed_s)
+        return Frame(shot.exposed_s, shot.image, gimbal, gimbal_age_s=age_s)
 
     def send(self, command: PilotCommand) -> None:
         """The newest sticks; they leave with the next set-point."""
@@ -99,27 +132,22 @@ class SetpointVehicle(ABC):
 
     def truth_at(self, t_s: float) -> GroundTruth | None:
         """The truth of a frame that `read` gave, from a simulator's camera."""
-        return None if self._reader is None else self._reader.truth_at(t_s)
+        return self._truths.get(t_s)
 
     def verdict(self) -> TouchdownVerdict | None:
         """The touchdown, from a simulator's camera."""
-        return None if self._reader is None else self._reader.verdict()
+        return None if self._stream is None else self._stream.verdict()
 
-    def _start_stream(self, source: PictureSource) -> CameraStream:
-        stream = self._stream = CameraStream(source)
-        self._stack.callback(stream.close)
-        stream.start()
-        return stream
+    def _start_stream(self, source: PictureSource) -> None:
+        self._stream = CameraStream(source)
+        self._stack.callback(self._stream.close)
+        self._stream.start()
 
-    def _await_picture(
-        self, timeout_s: float, silent: str, gimbal_at: Callable[[float], tuple[GimbalAttitude, float]]
-    ) -> None:
+    def _await_picture(self, timeout_s: float, silent: str) -> None:
         """The first picture of the started stream; VehicleError, `silent` where the stream says nothing itself."""
-        stream = self._stream
-        assert stream is not None  # started
-        if stream.newest(-math.inf, timeout_s) is None:
-            raise VehicleError(f"no picture from the camera: {stream.problem or silent}")
-        self._reader = StreamReader(stream, gimbal_at, self._parameters.video_timeout_s)
+        assert self._stream is not None  # started
+        if self._stream.newest(-math.inf, timeout_s) is None:
+            raise VehicleError(f"no picture from the camera: {self._stream.problem or silent}")
 
     def _start_set_points(self, name: str, first: First = "thread") -> None:
         pace = self._pace = Pace(self._tick, self._parameters.setpoint_hz, name, first)
@@ -128,16 +156,11 @@ class SetpointVehicle(ABC):
 
     def _begin(self) -> None:
         """The flight begins."""
-        assert self._reader is not None  # connected
-        self._reader.begin()
-        self._engaged = True
+        self._pictured_s, self._engaged = time.monotonic(), True
 
     def _end(self, reason: str) -> None:
         """No more frames; the first reason stands."""
         self._end_reason = self._end_reason or reason
-
-    def _video_lost(self, words: str) -> None:
-        self._end(f"video lost: {words}; the vehicle holds")
 
     def _newest(self, now_s: float) -> PilotCommand | None:
         """The sticks to fly; None, a hold, without any that are fresh, and once the flight is over."""

@@ -124,7 +124,7 @@ class MavlinkVehicle(SetpointVehicle):
             hz, gap_s, silence_s = parameters.setpoint_hz, parameters.setpoint_gap_s, parameters.link_timeout_s
             session.link.watch(session.guard_orders(hz, gap_s, silence_s))
             self._start_stream(self._setup.source)
-            self._await_picture(self._setup.open_timeout_s, "it keeps silent", self._gimbal_at)
+            self._await_picture(self._setup.open_timeout_s, "it keeps silent")
             self._start_set_points("mavlink-set-points", parameters.goes_first)
         except BaseException:
             self._stack.close()

@@ -102,11 +102,8 @@ class Ros2Vehicle(SetpointVehicle):
                 node.subscribe(topics["image"], image_kind(topics["image"]), self._topic.take)
             self._start_stream(self._source)
             self._await(lambda: self._camera is not None, f"/{topics['camera_info']} has not come")
-            fixed_rad, silent = (
-                setup.fixed_pitch_rad,
-                f"/{topics['image']} has not come; `ros2 topic list` shows what there is",
-            )
-            self._await_picture(setup.open_timeout_s, silent, lambda t_s: heard.gimbal_at(t_s, fixed_rad))
+            silent = f"/{topics['image']} has not come; `ros2 topic list` shows what there is"
+            self._await_picture(setup.open_timeout_s, silent)
         except BaseException:
             self._stack.close()
             raise
@@ -194,6 +191,9 @@ class Ros2Vehicle(SetpointVehicle):
         except Exception as error:
             self._camera_problem = str(error)
             raise
+
+    def _gimbal_at(self, t_s: float) -> tuple[GimbalAttitude, float]:
+        return self._heard.gimbal_at(t_s, self._setup.fixed_pitch_rad)
 
     def _tick(self, step_s: float) -> None:
         """One set-point, from the thread of the set-points."""
