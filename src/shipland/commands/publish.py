@@ -50,40 +50,32 @@ class Publish(ScenarioOptions):
         print(f"connecting to {self.vehicle}", file=sys.stderr, flush=True)
         vehicle.connect()
         try:
-            if isinstance(vehicle, Ros2Vehicle):
-                count = _tell(vehicle, scenario)
-            else:
-                count = _send(vehicle, scenario, self.position)
+            count = self._publish(vehicle, scenario)
         finally:
             vehicle.close()
         print(f"{count} poses published; the camera has ended")
         return 0
 
+    def _publish(self, vehicle: MavlinkVehicle | Ros2Vehicle, scenario: Scenario) -> int:
+        """How many poses were sent; ROS 2 is told of corners, the bar's box and the ship's: what a flight looks at."""
+        import numpy as np
 
-def _send(vehicle: MavlinkVehicle, scenario: Scenario, with_position: bool) -> int:
-    import numpy as np
+        from shipland.scenario.visions import VisionSetup, rendered
+        from shipland.vehicles.ros2.vehicle import Ros2Vehicle
+        from shipland.vision.near.pipeline import NearVision
+        from shipland.vision.vision import Vision, see_or_degrade
 
-    from shipland.vehicles.mavlink.publish import Mounting, publish
-    from shipland.vision.near.pipeline import NearVision
-
-    vision = NearVision(scenario.rig.cue, vehicle.camera, scenario.vision)
-    mounting = Mounting(np.array(scenario.camera.position_in_body_m), scenario.rig.deck_in_bar_m)
-    return publish(vehicle, vision, mounting, with_position, lambda _: None)
-
-
-def _tell(vehicle: Ros2Vehicle, scenario: Scenario) -> int:
-    """Corners, the bar's box and the ship's: what a flight looks at."""
-    import numpy as np
-
-    from shipland.scenario.visions import VisionSetup, rendered
-    from shipland.vision.vision import see_or_degrade
-
-    rng = np.random.default_rng(0)  # this vision draws no numbers
-    vision = rendered(VisionSetup(scenario, vehicle.camera, vehicle, rng, rng))
-    vehicle.inform_of(scenario.rig, np.array(scenario.camera.position_in_body_m))
-    count = 0
-    while (frame := vehicle.look(2.0)) is not None:
-        seen = see_or_degrade(vision, frame)
-        vehicle.tell(seen)
-        count += seen.bar_pose is not None
-    return count
+        vision: Vision = NearVision(scenario.rig.cue, vehicle.camera, scenario.vision)
+        if isinstance(vehicle, Ros2Vehicle):
+            rng = np.random.default_rng(0)  # this vision draws no numbers
+            vision = rendered(VisionSetup(scenario, vehicle.camera, vehicle, rng, rng))
+        vehicle.inform_of(scenario.rig, np.array(scenario.camera.position_in_body_m))
+        count = 0
+        while (frame := vehicle.look(2.0)) is not None:
+            seen = see_or_degrade(vision, frame)
+            if isinstance(vehicle, Ros2Vehicle):
+                vehicle.tell(seen)
+                count += seen.bar_pose is not None
+            else:
+                count += vehicle.tell(seen, self.position)
+        return count

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,10 +14,6 @@ from shipland.vehicles.gimbal import gimbal_at
 from shipland.vehicles.mavlink.dialect import Message, dialect
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
-from shipland.vision.vision import Vision, see_or_degrade
-
-if TYPE_CHECKING:
-    from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
 
 _LEAST_STD_M, _LEAST_STD_RAD = 0.02, 0.01
 """Least standard deviations that are sent: an outlier that is believed costs more than a wait."""
@@ -96,30 +90,6 @@ def position_estimate(pose: BarPose, state: AutopilotState, mounting: Mounting, 
         time_us, north, east, down, state.roll_rad, state.pitch_rad, state.heading_rad,
         full[np.triu_indices(6)].tolist(), 0,
     )  # fmt: skip
-
-
-def publish(
-    vehicle: MavlinkVehicle,
-    vision: Vision,
-    mounting: Mounting,
-    with_position: bool,
-    on_frame: Callable[[Observation], None],
-) -> int:
-    """Look and publish until the camera ends; how many poses were sent. Never commands.
-
-    Args:
-        vehicle: connected, never opened.
-        vision: near vision.
-        mounting: see there.
-        with_position: whether the position estimate is sent as well.
-        on_frame: sees every observation.
-    """
-    sent = 0
-    while (frame := vehicle.look(2.0)) is not None:
-        seen = see_or_degrade(vision, frame)
-        on_frame(seen)
-        sent += tell(vehicle.session, seen, mounting, with_position)
-    return sent
 
 
 def _at_exposure(session: Session, state: AutopilotState, t_s: float) -> AutopilotState:

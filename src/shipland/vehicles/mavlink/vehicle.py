@@ -12,7 +12,7 @@ from shipland.camera import Camera
 from shipland.errors import VehicleError
 from shipland.frames import Array
 from shipland.guidance.response import Response
-from shipland.messages import FlightRecord, GimbalAttitude, Intent, PilotCommand, Telemetry
+from shipland.messages import FlightRecord, GimbalAttitude, Intent, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
 from shipland.stopping import uninterrupted
 from shipland.vehicles.address import VehicleSetup
@@ -182,8 +182,12 @@ class MavlinkVehicle(SetpointVehicle):
 
     def inform(self, record: FlightRecord) -> None:
         """The landing target, to an autopilot that is to land by itself."""
-        if self._setup.engagement.own_landing and self._mounting is not None:
-            tell(self.session, record.observation, self._mounting)
+        if self._setup.engagement.own_landing:
+            self.tell(record.observation)
+
+    def tell(self, observation: Observation, with_position: bool = False) -> bool:
+        """Send the landing target, and the position estimate if asked for; whether there was anything to send."""
+        return self._mounting is not None and tell(self.session, observation, self._mounting, with_position)
 
     # Taking and losing the vehicle
 
