@@ -16,9 +16,9 @@ from shipland.errors import ConfigError
 from shipland.frames import euler_from_rotation, rotation_from_quaternion
 from shipland.scenario.scenario import load_scenario
 from shipland.sim.aircraft.servo import thrust_share
-from shipland.sitl.physics import STEP_S, FlightStep, LaunchHold, RealTimeFactor
-from shipland.sitl.serving import PhysicsOptions, serve
-from shipland.sitl.servo_link import ServoPacket, mount_pitch_rad, state_line
+from shipland.sitl.frame_server import FrameServer
+from shipland.sitl.physics import STEP_S, FlightStep, LaunchHold, RealTimeFactor, ServedFlight
+from shipland.sitl.servo_link import JsonLink, ServoPacket, mount_pitch_rad, state_line
 
 
 def packet(count: int, motors_us: list[float], gimbal_us: int = 0) -> bytes:
@@ -120,17 +120,21 @@ def test_there_must_be_room_to_climb() -> None:
 
 def test_a_packet_sent_again_gets_its_answer_again_and_no_step() -> None:
     """A flight controller whose answer was lost sends the same count again."""
-    ports = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
+    port = free_port(socket.SOCK_DGRAM)
     scenario = load_scenario("rig-natops", start={"distance_m": 0.0, "distance_half_range_m": 0.0})
     said: list[str] = []
-    options = PhysicsOptions("json", "127.0.0.1", *ports, pictures=False, climb_m=0.0)
-    served = threading.Thread(target=serve, args=(scenario, 3, options, said.append), daemon=True)
+
+    def serve() -> None:
+        with JsonLink("127.0.0.1", port) as link, FrameServer(scenario, 3, "127.0.0.1", free_port(), False) as frames:
+            ServedFlight(LaunchHold(scenario, 3, 0.0), frames, said.append).over(link)
+
+    served = threading.Thread(target=serve, daemon=True)
     served.start()
     while not said:
         time.sleep(0.05)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot:
         autopilot.settimeout(5.0)
-        autopilot.connect(("127.0.0.1", ports[0]))
+        autopilot.connect(("127.0.0.1", port))
 
         def answer(count: int, motor_us: float) -> bytes:
             autopilot.send(packet(count, [motor_us] * 4))

@@ -4,6 +4,7 @@ import math
 import socket
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -12,10 +13,12 @@ import pytest
 
 from ports import free_port
 from shipland.errors import ConfigError
-from shipland.scenario.scenario import load_scenario
+from shipland.messages import TouchdownVerdict
+from shipland.scenario.scenario import Scenario, load_scenario
 from shipland.sim.aircraft.record import RigidBodyState
+from shipland.sitl.frame_server import FrameServer
+from shipland.sitl.physics import LaunchHold, ServedFlight
 from shipland.sitl.px4_link import Px4Link, SimulatedSensors, pressure_hpa
-from shipland.sitl.serving import PhysicsOptions, serve
 from shipland.vehicles.mavlink.dialect import dialect
 
 LEVEL = RigidBodyState((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -51,13 +54,18 @@ class Client:
             self.link.sendall(message.pack(self.encoder))
 
 
+def serve(scenario: Scenario, port: int, climb_m: float, say: Callable[[str], None]) -> TouchdownVerdict | None:
+    link = Px4Link("127.0.0.1", port, 3)
+    with link, FrameServer(scenario, 3, "127.0.0.1", free_port(), pictures=False) as frames:
+        return ServedFlight(LaunchHold(scenario, 3, climb_m), frames, say).over(link)
+
+
 def test_a_client_flies_it_in_lockstep_until_the_verdict() -> None:
     scenario = load_scenario(
         "rig-natops", start={"distance_m": 0.0, "distance_half_range_m": 0.0}, wind={"mean_mps": 0.0}
     )
     port, said, verdicts = free_port(), [], []
-    options = PhysicsOptions("px4", "127.0.0.1", port, free_port(), pictures=False, climb_m=0.0)
-    served = threading.Thread(target=lambda: verdicts.append(serve(scenario, 3, options, said.append)), daemon=True)
+    served = threading.Thread(target=lambda: verdicts.append(serve(scenario, port, 0.0, said.append)), daemon=True)
     served.start()
     while not said:
         time.sleep(0.05)
@@ -94,8 +102,7 @@ def test_a_client_flies_it_in_lockstep_until_the_verdict() -> None:
 
 def test_a_flight_controller_that_goes_ends_the_flight_in_words() -> None:
     port, said = free_port(), []
-    options = PhysicsOptions("px4", "127.0.0.1", port, free_port(), pictures=False, climb_m=0.9)
-    served = threading.Thread(target=lambda: serve(load_scenario("rig-natops"), 3, options, said.append), daemon=True)
+    served = threading.Thread(target=lambda: serve(load_scenario("rig-natops"), port, 0.9, said.append), daemon=True)
     served.start()
     while not said:
         time.sleep(0.05)

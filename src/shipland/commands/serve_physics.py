@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -9,6 +10,7 @@ from shipland.commands.options import ScenarioOptions, checked_seed
 
 if TYPE_CHECKING:
     from shipland.messages import TouchdownVerdict
+    from shipland.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -47,31 +49,35 @@ class ServePhysics(ScenarioOptions):
 
     def run(self) -> int:
         """Serve until the flight is over; Ctrl-C ends it before."""
-        import sys
-
-        from shipland.sitl.serving import PhysicsOptions, serve
-
-        if self.interface == "ros2":
-            return self._over_ros2()
-        port = {"json": 9002, "px4": 4560}[self.interface] if self.port is None else self.port
-        options = PhysicsOptions(self.interface, self.host, port, self.frames_port, self.pictures, self.climb_m)
-        verdict = serve(self.load(), checked_seed(self.seed), options, lambda line: print(line, file=sys.stderr))
-        return _told(verdict)
-
-    def _over_ros2(self) -> int:
-        import sys
-
-        from shipland.sitl.frame_server import FrameServer
-        from shipland.sitl.ros2_node import RosOptions, serve_ros2
-        from shipland.vehicles.ros2.dds import domain_id, only_this_machine
-
         scenario, seed = self.load(), checked_seed(self.seed)
-        options = RosOptions(self.namespace, domain_id(None), only_this_machine(), self.pictures)
+        verdict = self._over_ros2(scenario, seed) if self.interface == "ros2" else self._over_link(scenario, seed)
+        print("no touchdown" if verdict is None else verdict.reason)
+        return 0 if verdict is not None and verdict.success else 1
+
+    def _over_link(self, scenario: Scenario, seed: int) -> TouchdownVerdict | None:
+        from shipland.sitl.frame_server import FrameServer
+        from shipland.sitl.physics import LaunchHold, ServedFlight
+
+        held = LaunchHold(scenario, seed, self.climb_m)
+        link: JsonLink | Px4Link
+        if self.interface == "json":
+            from shipland.sitl.servo_link import JsonLink
+
+            link = JsonLink(self.host, 9002 if self.port is None else self.port)
+        else:
+            from shipland.sitl.px4_link import Px4Link  # pymavlink is optional
+
+            link = Px4Link(self.host, 4560 if self.port is None else self.port, seed)
+        with link, FrameServer(scenario, seed, self.host, self.frames_port, self.pictures) as frames:
+            return ServedFlight(held, frames, _say).over(link)
+
+    def _over_ros2(self, scenario: Scenario, seed: int) -> TouchdownVerdict | None:
+        from shipland.sitl.frame_server import FrameServer
+        from shipland.sitl.ros2_node import serve_ros2
+
         with FrameServer(scenario, seed, self.host, self.frames_port, pictures=False) as frames:
-            verdict = serve_ros2(scenario, seed, options, frames, lambda line: print(line, file=sys.stderr))
-        return _told(verdict)
+            return serve_ros2(scenario, seed, self.namespace, self.pictures, frames, _say)
 
 
-def _told(verdict: TouchdownVerdict | None) -> int:
-    print("no touchdown" if verdict is None else verdict.reason)
-    return 0 if verdict is not None and verdict.success else 1
+def _say(line: str) -> None:
+    print(line, file=sys.stderr)

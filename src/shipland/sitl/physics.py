@@ -6,13 +6,13 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from shipland.errors import ConfigError
 from shipland.frames import GRAVITY_MPS2, Array, rotation_from_quaternion
-from shipland.messages import PilotCommand
+from shipland.messages import PilotCommand, TouchdownVerdict
 from shipland.scenario.autonomy import build_world
 from shipland.scenario.scenario import Scenario
 from shipland.sim.aircraft.parameters import Vector
@@ -20,6 +20,10 @@ from shipland.sim.aircraft.record import RigidBodyState
 from shipland.sim.aircraft.servo import ServoQuadrotor
 from shipland.sim.world import Grid, World
 from shipland.sitl.frame_server import FrameServer
+
+if TYPE_CHECKING:
+    from shipland.sitl.px4_link import Px4Link
+    from shipland.sitl.servo_link import JsonLink
 
 STEP_S = 0.001
 """Physics step: a flight controller's fast loop runs at 800 Hz and more."""
@@ -151,12 +155,11 @@ class ServedFlight:
     Args:
         held: the world.
         frames: its camera.
-        frame_rate_hz: of the camera.
         say: takes a line for people.
     """
 
-    def __init__(self, held: LaunchHold, frames: FrameServer, frame_rate_hz: float, say: Callable[[str], None]) -> None:
-        self._held, self._frames, self._frame_s, self.say = held, frames, 1.0 / frame_rate_hz, say
+    def __init__(self, held: LaunchHold, frames: FrameServer, say: Callable[[str], None]) -> None:
+        self._held, self._frames, self._frame_s, self.say = held, frames, 1.0 / held.world.frame_rate_hz, say
         self._due_s, self._linger_s, self._steps = 0.0, _LINGER_S, 0
         self._begun_s, self._tempo = math.nan, RealTimeFactor()
 
@@ -170,10 +173,15 @@ class ServedFlight:
         """Whether the verdict has stood for a while."""
         return self._linger_s <= 0.0
 
-    @property
-    def pace(self) -> str:
-        """How the world kept up with the clock, for people."""
-        return self._tempo.words()
+    def over(self, link: JsonLink | Px4Link) -> TouchdownVerdict | None:
+        """Serve it over a link until its verdict; interrupted by the caller's KeyboardInterrupt."""
+        self.say(f"waiting for a flight controller on {link.address}")
+        link.fly(self)
+        self.say(self._tempo.words())
+        verdict, rest_s = self._held.world.verdict(), self._held.motors_rest_s
+        if verdict is not None and verdict.touched and math.isfinite(rest_s):
+            self.say(f"motors at rest {rest_s - verdict.t_s:.2f} s after the touch")
+        return verdict
 
     def step(self, motors_us: Sequence[float], gimbal_pitch_rad: float | None) -> FlightStep:
         """See `LaunchHold.step`; the camera sees it."""

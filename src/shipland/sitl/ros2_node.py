@@ -6,7 +6,6 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -30,7 +29,7 @@ from shipland.vehicles.ros2.conversions import (
     wanted_attitude,
     wanted_velocity,
 )
-from shipland.vehicles.ros2.dds import Node
+from shipland.vehicles.ros2.dds import Node, domain_id, only_this_machine
 from shipland.vehicles.ros2.image_messages import camera_info, image_message, jpeg_message
 from shipland.vehicles.ros2.setup import vehicle_topics
 from shipland.vehicles.ros2.types import message
@@ -176,31 +175,16 @@ class VehicleTopics:
         self._tf.send(message("tf2_msgs/msg/TFMessage", transforms=placed))
 
 
-@dataclass(frozen=True)
-class RosOptions:
-    """Where and how the vehicle stands in ROS 2.
-
-    Attributes:
-        namespace: of its topics.
-        domain, local: see `dds.Node`.
-        pictures: whether they are drawn.
-    """
-
-    namespace: str
-    domain: int
-    local: bool
-    pictures: bool
-
-
 def serve_ros2(
-    scenario: Scenario, seed: int, options: RosOptions, frames: FrameServer | None, say: Callable[[str], None]
+    scenario: Scenario, seed: int, namespace: str, pictures: bool, frames: FrameServer, say: Callable[[str], None]
 ) -> TouchdownVerdict | None:
     """Fly one flight of the simulated vehicle by the set-points that come; the world waits for the first.
 
     Args:
         scenario: what is flown.
         seed: of everything random.
-        options: see there.
+        namespace: of its topics.
+        pictures: whether they are drawn.
         frames: takes exposures with their truth as well, for vision without pictures and for the verdict.
         say: takes a line for people.
 
@@ -208,13 +192,13 @@ def serve_ros2(
         The verdict; None where the flight was interrupted.
     """
     with ExitStack() as stack:
-        scene = build_scene(scenario, seed) if options.pictures else None
+        scene = build_scene(scenario, seed) if pictures else None
         if scene is not None:
             stack.callback(scene.close)
         vehicle = build_vehicle(scenario, seed, scene)
-        node = Node(options.domain, options.local)
+        node = Node(domain_id(None), only_this_machine())
         stack.callback(node.close)
-        topics, response = vehicle_topics(options.namespace, {}), response_of(scenario)
+        topics, response = vehicle_topics(namespace, {}), response_of(scenario)
         orders = SetPoints(response, 0.0)
         node.subscribe(topics["command_velocity"], "geometry_msgs/msg/TwistStamped", orders.take_velocity)
         node.subscribe(topics["command_attitude"], "mavros_msgs/msg/AttitudeTarget", orders.take_attitude)
@@ -224,7 +208,7 @@ def serve_ros2(
         say(f"waiting for set-points on /{topics['command_velocity']} or /{topics['command_attitude']}")
         _fly(vehicle, orders, told, frames, say)
         verdict = vehicle.verdict()
-        if verdict is not None and frames is not None:
+        if verdict is not None:
             frames.end(verdict)
         until_s = time.monotonic() + _LINGER_S
         while time.monotonic() < until_s:
@@ -242,7 +226,7 @@ def _fly(
     vehicle: SimulatedVehicle,
     orders: SetPoints,
     told: VehicleTopics,
-    frames: FrameServer | None,
+    frames: FrameServer,
     say: Callable[[str], None],
 ) -> None:
     vehicle.open()
@@ -252,8 +236,7 @@ def _fly(
         frame, telemetry = pair
         age_s = telemetry.t_s - frame.t_s
         told.tell(frame, telemetry, time.time() - age_s, time.time())
-        if frames is not None:
-            frames.show(time.monotonic(), vehicle.world.snapshot())
+        frames.show(time.monotonic(), vehicle.world.snapshot())
         time.sleep(period_s)
     say("it flies")
     factor, refused = RealTimeFactor(), ""
@@ -264,8 +247,7 @@ def _fly(
         time.sleep(max(0.0, begun_s + telemetry.t_s - time.monotonic()))
         factor.note(telemetry.t_s, time.monotonic())
         told.tell(frame, telemetry, epoch_s + frame.t_s, epoch_s + telemetry.t_s)
-        if frames is not None:
-            frames.show(begun_s + vehicle.world.t_s, vehicle.world.snapshot())
+        frames.show(begun_s + vehicle.world.t_s, vehicle.world.snapshot())
         if orders.refused != refused:
             refused = orders.refused
             say(refused)
