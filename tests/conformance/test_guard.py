@@ -376,7 +376,7 @@ def test_udpout_hears_only_the_stated_peer() -> None:
         heartbeat = m.MAVLink_heartbeat_message(2, 3, 129, GUIDED, 4, 3)
         stranger.sendto(Codec(7, 1).encode(heartbeat), our_address)
         stated.sendto(Codec(1, 1).encode(heartbeat), our_address)
-        until(lambda: session.link.connected)
+        until(lambda: session.link.vehicle)
         assert session.link.vehicle == 1
         assert session.link.counts.foreign == 0
 

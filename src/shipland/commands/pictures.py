@@ -6,17 +6,19 @@ import csv
 import json
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Protocol
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
 if TYPE_CHECKING:
     from shipland.errors import DataError
-    from shipland.vision.pictures import FilePicture, Picture
+    from shipland.vision.far.files import DetectResult
+    from shipland.vision.near.files import SeeResult
+    from shipland.vision.pictures import Picture
 
 _PROGRESS_S = 5.0
 
@@ -33,27 +35,6 @@ class PictureOptions:
     """Table of the results, a row each; commas between, one line of column names."""
     out: Path | None = None
     """Folder for the pictures and videos with the results drawn on them."""
-
-
-class Result(Protocol):
-    """What was found in one picture."""
-
-    @property
-    def picture(self) -> FilePicture:
-        """Where."""
-
-    @property
-    def found(self) -> bool:
-        """Whether there is anything."""
-
-    def to_json(self) -> dict[str, object]:
-        """For a JSON line."""
-
-    def to_line(self) -> str:
-        """For people."""
-
-    def to_rows(self) -> Sequence[Mapping[str, object]]:
-        """For the table."""
 
 
 class Results:
@@ -101,7 +82,7 @@ class Results:
         """0; 1 when something could not be looked at, 2 when nothing could."""
         return 0 if not self._failed else 1 if self._looked_at else 2
 
-    def add(self, result: Result, drawn: Callable[[], Picture]) -> None:
+    def add(self, result: SeeResult | DetectResult, drawn: Callable[[], Picture]) -> None:
         """Print, tabulate and draw one; `drawn` is called for drawings."""
         self._looked_at += 1
         self._found += result.found

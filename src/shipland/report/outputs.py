@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -45,14 +45,6 @@ class OutputParameters:
 def load_outputs(path: Path | None = None) -> OutputParameters:
     """The output parameters, with a user's file laid over them; ConfigError when that is wrong."""
     return build(OutputParameters, {} if path is None else read_toml(path), "outputs")
-
-
-@dataclass(frozen=True)
-class Cost:
-    """Wall-clock time of a stage of the flight."""
-
-    total_s: float
-    per_cycle_ms: float
 
 
 def _words(error: Exception) -> str:
@@ -209,5 +201,8 @@ class Recorder(AbstractContextManager["Recorder"]):
         own_s = dict(self._cost_s)
         own_s["video"] -= own_s["chase"]
         cycles = max(1, self._cycles)
-        stages = {name: Cost(value, 1e3 * value / cycles) for name, value in (*cost_s.items(), *own_s.items())}
+        stages = {
+            name: {"total_s": value, "per_cycle_ms": 1e3 * value / cycles}
+            for name, value in (*cost_s.items(), *own_s.items())
+        }
         write_json(self.folder / TIMING_NAME, {"cycles": self._cycles, "stages": stages})

@@ -10,7 +10,7 @@ from shipland.record.foxglove_scene import nanoseconds
 from shipland.record.reader import read_log
 from shipland.vehicles.ros2.conversions import gimbal_message, odometry_of
 from shipland.vehicles.ros2.image_messages import camera_info, jpeg_message
-from shipland.vehicles.ros2.setup import our_topics, vehicle_topics
+from shipland.vehicles.ros2.setup import OUR_TOPICS, vehicle_topics
 from shipland.vehicles.ros2.telling import Outlet, Telling
 from shipland.vehicles.ros2.types import cdr_of, store
 from shipland.vision.log_pictures import read_pictures
@@ -44,14 +44,13 @@ class _Bag:
         return self._topics[topic]
 
 
-def write_bag(log_path: Path, folder: Path, namespace: str = "drone", epoch_s: float = 0.0) -> dict[str, int]:
+def write_bag(log_path: Path, folder: Path, namespace: str = "drone") -> dict[str, int]:
     """Write a flight log as a bag (rosbag2, version 8, storage MCAP), which `ros2 bag` and rosbags open.
 
     Args:
         log_path: flight.mcap.
         folder: of the bag; must not be there yet.
         namespace: of the vehicle's topics.
-        epoch_s: the log's time zero, since the epoch.
 
     Returns:
         Messages of each topic.
@@ -78,9 +77,9 @@ def write_bag(log_path: Path, folder: Path, namespace: str = "drone", epoch_s: f
         info = bag.publisher(topics["camera_info"], "sensor_msgs/msg/CameraInfo")
 
         def stamped_s(t_s: float) -> float:  # the first exposure may precede the flight; ROS has no time below zero
-            return epoch_s + max(t_s, 0.0)
+            return max(t_s, 0.0)
 
-        telling, pictures = Telling(bag, our_topics(), stamped_s), read_pictures(log_path)
+        telling, pictures = Telling(bag, OUR_TOPICS, stamped_s), read_pictures(log_path)
         first_s = log.records[0].frame.t_s
         bag.time_ns = round(1e9 * stamped_s(first_s))
         telling.deck_lies(log.header.rig.deck_in_bar_m, first_s)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -133,16 +133,6 @@ class VideoParameters:
         require(0.0 < self.chase_rate_hz <= self.rate_hz, "chase_rate_hz must be in 0 … rate_hz")
 
 
-class Encoder(Protocol):
-    """Writes a film picture by picture."""
-
-    def write(self, image: Image, t_s: float) -> None:
-        """Append one picture, at its time after the first."""
-
-    def close(self) -> None:
-        """Finish the file."""
-
-
 class VideoWriter:
     """An MP4 of BGR pictures: H.264 where PyAV is installed and has libx264, else OpenCV's MPEG-4."""
 
@@ -158,7 +148,7 @@ class VideoWriter:
         """
         with writing(path, "video"):
             path.touch()
-        self._encoder: Encoder = (
+        self._encoder: _H264 | _Mpeg4 = (
             _H264(path, width_px, height_px, parameters, key_frames)
             if _has_x264()
             else _Mpeg4(path, width_px, height_px, parameters)
@@ -215,7 +205,7 @@ class _H264:
         self._empty = True
 
     def write(self, image: Image, t_s: float) -> None:
-        """See `Encoder.write`."""
+        """See `VideoWriter`."""
         import av
 
         yuv = cv2.cvtColor(image, cv2.COLOR_BGR2YUV_I420)
@@ -224,7 +214,7 @@ class _H264:
         self._container.mux(self._stream.encode(frame))
 
     def close(self) -> None:
-        """See `Encoder.close`."""
+        """See `VideoWriter`."""
         try:
             if not self._empty:
                 self._container.mux(self._stream.encode())
@@ -242,11 +232,11 @@ class _Mpeg4:
             raise DataError(f"video {path} cannot be written: OpenCV has no encoder for it")
 
     def write(self, image: Image, t_s: float) -> None:  # noqa: ARG002
-        """See `Encoder.write`."""
+        """See `VideoWriter`."""
         self._writer.write(image)
 
     def close(self) -> None:
-        """See `Encoder.close`."""
+        """See `VideoWriter`."""
         self._writer.release()
 
 

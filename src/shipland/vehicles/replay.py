@@ -53,8 +53,6 @@ class ReplayVehicle:
         self._newest: Recorded | None = None
         self._truths: dict[float, GroundTruth] = {}
         self._now_s, self._is_open, self._ended = -math.inf, False, False
-        self.ignored = 0
-        """Commands that went nowhere."""
 
     @property
     def camera(self) -> Camera:
@@ -91,10 +89,8 @@ class ReplayVehicle:
 
     def send(self, command: PilotCommand) -> None:
         """The pipeline is free at the command's time; the sticks are ignored."""
-        if self._is_open:
-            self.ignored += 1
-            if math.isfinite(command.t_s):
-                self._now_s = max(self._now_s, command.t_s)
+        if self._is_open and math.isfinite(command.t_s):
+            self._now_s = max(self._now_s, command.t_s)
 
     def close(self) -> None:
         """End the replay."""

@@ -45,7 +45,7 @@ def _message_of(record: bytes) -> tuple[str, bytes]:
 
 
 class GuardedPort:
-    """The port as the link sees it, see `shipland.vehicles.mavlink.link.Port`.
+    """The port as the link sees it; `stream` says whether messages may be cut anywhere, as on a serial line.
 
     Args:
         place: as in `mavlink://PLACE`.
@@ -58,6 +58,7 @@ class GuardedPort:
     def __init__(self, place: str) -> None:
         Place.of(place)
         self.problem = ""
+        """What is wrong at our end, or was done in our place; empty while all is well."""
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         command = [sys.executable, "-P", "-m", __name__, place, str(theirs.fileno())]
         paths = os.pathsep.join(filter(None, sys.path))  # the very code that runs here
@@ -93,7 +94,7 @@ class GuardedPort:
         return record[1:] == b"1"
 
     def receive(self) -> tuple[bytes, object] | None:
-        """See `Port`."""
+        """Bytes and their sender, within a tenth of a second; None where nothing came."""
         if not self._poll.poll(100):
             return None
         with suppress(BlockingIOError, ConnectionError):
@@ -109,11 +110,11 @@ class GuardedPort:
         return None
 
     def send(self, data: bytes, to: object) -> None:
-        """See `Port`."""
+        """Send to a sender known from `receive`, or to the one fixed end; OSError when it cannot."""
         self._socket.send(_message_record(str(to or ""), data))
 
     def watch(self, orders: Orders | None) -> None:
-        """See `Port`."""
+        """Hold the vehicle when no set-point of ours comes any more; None: silence is meant from now on."""
         with suppress(OSError):  # it has ended: `receive` says so
             self._socket.send(b"W" + (b"" if orders is None else orders.to_json()))
 

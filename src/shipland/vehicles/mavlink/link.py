@@ -14,11 +14,14 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, Protocol
+from typing import TYPE_CHECKING, BinaryIO
 
 from shipland.errors import ConfigError
 from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
 from shipland.vehicles.mavlink.guard import Orders
+
+if TYPE_CHECKING:
+    from shipland.vehicles.mavlink.guard_process import GuardedPort
 
 
 @dataclass
@@ -26,40 +29,14 @@ class LinkCounts:
     """What came and what was refused.
 
     Attributes:
-        accepted: messages handed on.
         malformed: no message, a wrong checksum, a wrong or missing signature.
         foreign: sound messages of another sender.
         failed: messages whose handling failed.
-        sent: messages sent.
-        unsent: messages that the system would not take.
     """
 
-    accepted: int = 0
     malformed: int = 0
     foreign: int = 0
     failed: int = 0
-    sent: int = 0
-    unsent: int = 0
-
-
-class Port(Protocol):
-    """Bytes in and out; `stream` says whether messages may be cut anywhere, as on a serial line."""
-
-    stream: bool
-    problem: str
-    """What is wrong at our end, or was done in our place; empty while all is well."""
-
-    def receive(self) -> tuple[bytes, object] | None:
-        """Bytes and their sender, within a tenth of a second; None where nothing came."""
-
-    def send(self, data: bytes, to: object) -> None:
-        """Send to a sender known from `receive`, or to the one fixed end; OSError when it cannot."""
-
-    def watch(self, orders: Orders | None) -> None:
-        """Hold the vehicle when no set-point of ours comes any more; None: silence is meant from now on."""
-
-    def close(self) -> None:
-        """Let go."""
 
 
 class MavlinkLink:
@@ -75,7 +52,7 @@ class MavlinkLink:
 
     def __init__(
         self,
-        port: Port,
+        port: GuardedPort,
         system: int,
         component: int,
         on_message: Callable[[Message, float], None],
@@ -92,11 +69,6 @@ class MavlinkLink:
         self._thread = threading.Thread(target=self._receive, name="mavlink-receive", daemon=True)
         self.counts = LinkCounts()
         """What came and what was refused."""
-
-    @property
-    def connected(self) -> bool:
-        """Whether a vehicle has been heard."""
-        return self._peer is not None
 
     @property
     def vehicle(self) -> int:
@@ -117,25 +89,23 @@ class MavlinkLink:
         self._thread.start()
 
     def send(self, message: Message) -> bool:
-        """Send to the vehicle; False, and counted, when that is not possible now. Never raises."""
+        """Send to the vehicle; False when that is not possible now. Never raises."""
         with self._lock:
             try:
                 data = self._codec.encode(message)
                 self._port.send(data, self._peer)
             except (OSError, struct.error, ValueError, TypeError, OverflowError):
-                self.counts.unsent += 1
                 return False
-            self.counts.sent += 1
             self._write(data)
         return True
 
     def watch(self, orders: Orders | None) -> None:
-        """See `Port`."""
+        """See `GuardedPort`."""
         self._port.watch(orders)
 
     @property
     def problem(self) -> str:
-        """See `Port`."""
+        """See `GuardedPort`."""
         return self._port.problem
 
     def close(self) -> None:
@@ -174,7 +144,6 @@ class MavlinkLink:
         return sender == self._peer and (system == self._vehicle or message.get_type() == "RADIO_STATUS")
 
     def _hand_on(self, message: Message, received_s: float) -> None:
-        self.counts.accepted += 1
         with self._lock:
             self._write(bytes(message.get_msgbuf()))
         try:

@@ -7,13 +7,13 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from shipland.errors import VehicleError
 from shipland.stopping import check_stop, sleep_or_stop
 from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
 from shipland.vehicles.mavlink.guard import Orders
-from shipland.vehicles.mavlink.link import LinkCounts, MavlinkLink, Port
+from shipland.vehicles.mavlink.link import LinkCounts, MavlinkLink
 from shipland.vehicles.mavlink.modes import (
     ALT_HOLD,
     BRAKE,
@@ -31,6 +31,9 @@ from shipland.vehicles.mavlink.setpoints import MavlinkTarget, level_message, ve
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState, RefusedError, absorb
 from shipland.vehicles.wanted import HOLD
 
+if TYPE_CHECKING:
+    from shipland.vehicles.mavlink.guard_process import GuardedPort
+
 FORCE = 21196
 """Second parameter of a disarm command that is obeyed in the air."""
 _STREAMS_HZ = {
@@ -43,6 +46,8 @@ _STREAM_ANSWER_S = 1.5
 """Timeout of the answer to each of these requests, which are sent twice within it."""
 _HOLD_ANSWER_S = 1.5
 """Timeout of the answer to the final hold command, which is sent twice within it."""
+_PARAMETERS_S = 3.0
+"""Timeout of the answers for parameters."""
 _HISTORY = 512
 """Attitudes that are kept: ten seconds."""
 _PATIENT_HAND_OVERS = 3
@@ -74,7 +79,7 @@ class Session:
 
     def __init__(
         self,
-        port: Port,
+        port: GuardedPort,
         system: int,
         component: int,
         vehicle: int | None,
@@ -256,17 +261,14 @@ class Session:
             mode = LOITER if patient else ALT_HOLD
         self.command(dialect.MAV_CMD_DO_SET_MODE, 1, mode, 0)
 
-    def read_parameters(
-        self, names: Sequence[str], enough: Callable[[Mapping[str, float]], bool], timeout_s: float = 3.0
-    ) -> dict[str, float]:
+    def read_parameters(self, names: Sequence[str], enough: Callable[[Mapping[str, float]], bool]) -> dict[str, float]:
         """The values of those parameters that the vehicle has.
 
         Args:
             names: of all that may be of use; a vehicle answers nothing for one that it does not have.
             enough: whether those that have come will do; until then a lost answer is requested again.
-            timeout_s: how long.
         """
-        end_s, known = time.monotonic() + timeout_s, dict[str, float]()
+        end_s, known = time.monotonic() + _PARAMETERS_S, dict[str, float]()
         while time.monotonic() < end_s:
             missing = [name for name in names if name not in known]
             for name in missing:

@@ -297,18 +297,6 @@ def _receiver(state: AutopilotState, it: Any, received_s: float) -> AutopilotSta
     return replace(state, sticks_t_s=received_s, sticks_us=sticks if moved_by_hand else ())
 
 
-def _sensors(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
-    return _alerted(state, "sensors", received_s, sensors_alert(it))
-
-
-def _ardupilot_estimator(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
-    return _alerted(state, "estimator", received_s, ardupilot_estimator_alert(it))
-
-
-def _px4_estimator(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
-    return _alerted(state, "estimator", received_s, px4_estimator_alert(it))
-
-
 def _parameter(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
     value = float(it.param_value)
     if state.autopilot == PX4 and it.param_type in (5, 6):  # PX4 sends whole numbers as their bytes
@@ -334,6 +322,12 @@ def _times(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:
 
 
 _Handler = Callable[[AutopilotState, Any, float], AutopilotState]
+
+
+def _alerting(about: str, words_of: Callable[[Any], str]) -> _Handler:
+    return lambda state, it, received_s: _alerted(state, about, received_s, words_of(it))
+
+
 _HANDLERS: dict[str, _Handler] = {
     "HEARTBEAT": _heartbeat,
     "ATTITUDE": _attitude,
@@ -343,9 +337,9 @@ _HANDLERS: dict[str, _Handler] = {
     "DISTANCE_SENSOR": _range,
     "BATTERY_STATUS": _battery,
     "RADIO_STATUS": _radio,
-    "SYS_STATUS": _sensors,
-    "EKF_STATUS_REPORT": _ardupilot_estimator,
-    "ESTIMATOR_STATUS": _px4_estimator,
+    "SYS_STATUS": _alerting("sensors", sensors_alert),
+    "EKF_STATUS_REPORT": _alerting("estimator", ardupilot_estimator_alert),
+    "ESTIMATOR_STATUS": _alerting("estimator", px4_estimator_alert),
     "GIMBAL_DEVICE_ATTITUDE_STATUS": _gimbal,
     "RC_CHANNELS": _receiver,
     "PARAM_VALUE": _parameter,

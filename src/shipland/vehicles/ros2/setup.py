@@ -30,25 +30,14 @@ VEHICLE_TOPICS: Mapping[str, str] = {
     "landing": "landing",
 }
 """Topics of the vehicle, below its namespace, by the option that renames one."""
-OUR_TOPICS: Mapping[str, str] = {
-    "cue_pose": "cue_pose",
-    "detections": "detections",
-    "diagnostics": "diagnostics",
-    "result": "result",
-    "land": "land",
-}
-"""Ours, below `shipland`."""
+OUR_TOPICS = {name: f"shipland/{name}" for name in ("cue_pose", "detections", "diagnostics", "result", "land")}
+"""What we publish and listen to."""
 _OPTIONS = ("kind", "domain", "local", "wait", "mount_deg", "latency_s", "camera")
 
 
 def vehicle_topics(namespace: str, renamed: Mapping[str, str]) -> dict[str, str]:
     """Full names of the vehicle's topics: `/NAMESPACE/odom`, or what an option says, from the root."""
     return {name: renamed.get(name, f"{namespace}/{topic}").strip("/") for name, topic in VEHICLE_TOPICS.items()}
-
-
-def our_topics(name: str = "shipland") -> dict[str, str]:
-    """Full names of what we publish and listen to."""
-    return {key: f"{name}/{topic}" for key, topic in OUR_TOPICS.items()}
 
 
 @dataclass(frozen=True)

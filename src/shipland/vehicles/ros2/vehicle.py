@@ -24,7 +24,7 @@ from shipland.vehicles.ros2.dds import Node
 from shipland.vehicles.ros2.image_messages import camera_of
 from shipland.vehicles.ros2.parameters import Ros2Parameters
 from shipland.vehicles.ros2.pictures import TopicPictures, image_kind
-from shipland.vehicles.ros2.setup import Ros2Setup, our_topics
+from shipland.vehicles.ros2.setup import OUR_TOPICS, Ros2Setup
 from shipland.vehicles.ros2.state import Heard
 from shipland.vehicles.ros2.telling import Telling
 from shipland.vehicles.ros2.types import message
@@ -90,12 +90,12 @@ class Ros2Vehicle(SetpointVehicle):
             self._attitude = node.publisher(topics["command_attitude"], "mavros_msgs/msg/AttitudeTarget")
             self._mount = node.publisher(topics["command_gimbal"], "geometry_msgs/msg/QuaternionStamped")
             self._landing = node.publisher(topics["landing"], "std_msgs/msg/Bool")
-            self._telling = Telling(node, our_topics())
+            self._telling = Telling(node, OUR_TOPICS)
             node.subscribe(topics["odom"], "nav_msgs/msg/Odometry", heard.take_odometry)
             node.subscribe(topics["state"], "mavros_msgs/msg/State", heard.take_state)
             node.subscribe(topics["battery"], "sensor_msgs/msg/BatteryState", heard.take_battery)
             node.subscribe(topics["gimbal"], "geometry_msgs/msg/QuaternionStamped", heard.take_gimbal)
-            node.subscribe(our_topics()["land"], "std_msgs/msg/Bool", heard.take_land, reliable=True)
+            node.subscribe(OUR_TOPICS["land"], "std_msgs/msg/Bool", heard.take_land, reliable=True)
             if setup.camera is None:
                 node.subscribe(topics["camera_info"], "sensor_msgs/msg/CameraInfo", self._take_camera)
             if setup.frames is None:
