@@ -40,9 +40,6 @@ def cache_folder(package: Path) -> Path | None:
 
     Numba looks for changes in the file of a function only, not in those of the functions that it calls: it would go on
     with the machine code of before.
-
-    Args:
-        package: its folder.
     """
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):

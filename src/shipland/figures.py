@@ -61,14 +61,7 @@ def save_figure(figure: Figure, path: Path, dpi: int) -> None:
 
 @contextmanager
 def drawn(path: Path, size_in: tuple[float, float], dpi: int, *, grid: bool = True) -> Iterator[Figure]:
-    """A figure in the house's style, written as `save_figure` does once the block has drawn it.
-
-    Args:
-        path: PNG to write.
-        size_in: width and height.
-        dpi: resolution, in pixels an inch.
-        grid: lines behind the curves.
-    """
+    """A figure in the house's style, written as `save_figure` does once the block has drawn it."""
     import matplotlib as mpl
 
     with mpl.rc_context(PLOT_STYLE | {"axes.grid": grid}):

@@ -32,10 +32,6 @@ class StickPilot:
     for `stale_s` it looks around as the packaged search does. The intent is LAND while the heave stick is down, so
     that the safety lets the aircraft through the floor over the deck, else FLY. When nothing has been seen for
     `stale_s`, where the safety would hold every stick, yaw and a climb alone are flown, to look for the ship.
-
-    Args:
-        setup: of the flight.
-        stale_s: `safety.stale_s`.
     """
 
     def __init__(self, setup: PilotSetup, stale_s: float) -> None:
@@ -78,13 +74,9 @@ class StickPilot:
 
 
 class ResidualPilot:
-    """Another pilot's sticks plus the action times a bound; camera, mode and intent are the other's.
+    """Another pilot's sticks plus the action times a bound, (4,) shares of the full stick; the rest is the other's.
 
     Added while the other flies or lands; while it searches, holds or goes around it flies alone.
-
-    Args:
-        inner: the other pilot.
-        bound: (4,) shares of the full stick.
     """
 
     def __init__(self, inner: Pilot, bound: Array) -> None:
@@ -109,12 +101,7 @@ class ResidualPilot:
 
 
 class SteeredPilot(Steering):
-    """The pilot `horizon` with the action in the place of a learned policy; it plans before the action is known.
-
-    Args:
-        setup: of the flight.
-        meaning: of the action, (2,).
-    """
+    """The pilot `horizon` with the action in the place of a learned policy; it plans before the action is known."""
 
     def __init__(self, setup: PilotSetup, meaning: Action) -> None:
         self.action: Array = np.zeros(2)

@@ -50,12 +50,6 @@ class SteppedFlight:
     the safety check its command and sends it. So whoever sets the pilot's action in between sees what the pilot sees,
     at the same instant.
 
-    Args:
-        scenario: what is flown.
-        pilot: function from `PilotSetup` to a pilot.
-        vision: name or factory, as `factories.resolve` takes it.
-        seed: of the flight.
-
     Raises:
         ShiplandError: a wrong name, or no off-screen OpenGL where pictures are drawn.
     """

@@ -60,12 +60,7 @@ def rests_in_area(landing: Landing, rig: Rig) -> bool:
 
 
 def leaderboard(cells: Sequence[CellResult], oracle_rates: dict[str, OracleRate]) -> Iterator[str]:
-    """Markdown, a line a cell.
-
-    Args:
-        cells: what was flown.
-        oracle_rates: by group; may lack some or all.
-    """
+    """Markdown, a line a cell; the oracle rates, by group, may lack some or all."""
     keys = swept_keys(cells)
     names, area = [key.split(".")[-1] for key in keys], area_of(cell.rig for cell in cells)
     yield " | ".join(

@@ -237,11 +237,7 @@ def recorded_film(
 
 
 def replay(recording: Recording, on_cycle: Callable[[FlightRecord], object] = lambda _: None) -> Replayed:
-    """Run vision and pilot over a recording.
-
-    Args:
-        recording: is used up.
-        on_cycle: sees every replayed row.
+    """Run vision and pilot over a recording, which is used up; `on_cycle` sees every replayed row.
 
     Raises:
         DataError: the vision wants pictures and there are none.

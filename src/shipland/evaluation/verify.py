@@ -69,13 +69,7 @@ def own_code(bundle: Bundle) -> Iterator[None]:
 
 
 def fly_again(bundle: Bundle, sample: int, rng: np.random.Generator, workers: int) -> Verified:
-    """Fly a sample again; own code must be within reach (`own_code`).
-
-    Args:
-        bundle: opened.
-        sample: how many rows, drawn from all; 0 flies all of them.
-        rng: draws them.
-        workers: processes.
+    """Fly a sample of the rows again, 0 for all of them; own code must be within reach (`own_code`).
 
     Raises:
         DataError: a row differs, a flight was lost, or own code or weights are not those that flew.

@@ -53,15 +53,7 @@ class LogParameters:
 
 
 class FlightChannels:
-    """Gives a flight, cycle by cycle, to whatever listens to a context: a file, or a viewer.
-
-    Args:
-        context: Foxglove's, with its sinks.
-        info: which flight.
-        rig: what is landed on.
-        camera: of the pictures.
-        parameters: rate and quality of pictures.
-    """
+    """Gives a flight, cycle by cycle, to whatever listens to a context: a file, or a viewer."""
 
     def __init__(self, context: Context, info: FlightInfo, rig: Rig, camera: Camera, parameters: LogParameters) -> None:
         self._info, self._rig, self._parameters = info, rig, parameters

@@ -26,13 +26,7 @@ _LAST_S = 0.5
 
 
 class LiveView(AbstractContextManager["LiveView"]):
-    """Serves a flight to viewers on this machine; a context manager.
-
-    Args:
-        info: which flight.
-        rig: what is landed on.
-        camera: of the pictures.
-        port: on loopback; 0 takes a free one.
+    """Serves a flight to viewers on this machine, port 0 taking a free one; a context manager.
 
     Raises:
         ConfigError: the port is taken.

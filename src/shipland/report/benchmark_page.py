@@ -43,14 +43,7 @@ def entries_of(bundles: Sequence[Bundle]) -> list[CellResult]:
 def benchmark_page(
     bundles: Sequence[Bundle], cells: Sequence[CellResult], oracle_rates: dict[str, OracleRate], folder: Path
 ) -> str:
-    """The page.
-
-    Args:
-        bundles: in their order; the first's first pilot is what all are compared with.
-        cells: of `entries_of`.
-        oracle_rates: by group; may be empty.
-        folder: where the page will lie.
-    """
+    """The page, which will lie in a folder; all are compared with the first bundle's first pilot."""
     command = " ".join(["shipland report", *(bundle.path.name for bundle in bundles)])
     about = read_about(bundles[0].folder) | {"command": command}
     page = campaign_page(cells, about, oracle_rates, folder)

@@ -30,12 +30,7 @@ from shipland.rig import area_of
 
 
 class PageFlights:
-    """All flights, numbered as the page's charts number them.
-
-    Args:
-        cells: with landings.
-        folder: where the page will lie; links go from there.
-    """
+    """All flights, numbered as the page's charts number them; links go from the folder where the page will lie."""
 
     def __init__(self, cells: Sequence[CellResult], folder: Path) -> None:
         self._cells, self._folder = cells, folder
@@ -114,14 +109,7 @@ _MOST_LISTED = 300
 def campaign_page(
     cells: Sequence[CellResult], about: dict[str, Any], oracle_rates: dict[str, OracleRate], folder: Path
 ) -> str:
-    """The page.
-
-    Args:
-        cells: what was flown.
-        about: `command` and `machine` of cells.json.
-        oracle_rates: by group; may be empty.
-        folder: where the page will lie; links to logs go from there.
-    """
+    """The page, with `command` and `machine` of cells.json; links go from the folder where it will lie."""
     cells = [cell for cell in cells if cell.landings]
     pilots = list(dict.fromkeys(cell.pilot for cell in cells))
     suites = ", ".join(dict.fromkeys(cell.suite for cell in cells if cell.suite)) or "a grid of the command line"

@@ -63,12 +63,7 @@ class Setting:
 
 
 def scenario_settings(source: str | Path, config: Path | None = None, changes: Iterable[str] = ()) -> list[Setting]:
-    """Every key of a scenario's merged configuration, those of a section together.
-
-    Args:
-        source: a packaged scenario's name, or the path of a TOML file.
-        config: a file laid over it.
-        changes: texts `section.key=value` laid over both.
+    """Every key of a scenario's configuration under a file and texts `section.key=value`, a section's together.
 
     Raises:
         ConfigError: it names what is wrong.

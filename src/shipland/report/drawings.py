@@ -20,11 +20,7 @@ _GREEN_BGR, _DARK_BGR = (80, 230, 40), (20, 20, 20)
 
 
 class Drawings(AbstractContextManager["Drawings"]):
-    """The folder that drawings go to; a context manager. Pictures become .jpg, videos and logs .mp4 with their times.
-
-    Args:
-        out: the folder, made when it does not exist.
-    """
+    """The folder that drawings go to; a context manager. Pictures become .jpg, films .mp4 with their times."""
 
     def __init__(self, out: Path) -> None:
         self._out = out

@@ -163,12 +163,7 @@ class Panel:
 
 
 def draw_envelopes(panels: Sequence[Panel], rate: float) -> Figure:
-    """Polar diagrams: bow up, wind over deck where it comes from, knots on the radius with m/s beside them.
-
-    Args:
-        panels: two beside each other.
-        rate: share of landings at the border.
-    """
+    """Polar diagrams: bow up, wind over deck where it comes from, knots on the radius with m/s beside them."""
     import matplotlib as mpl
     from matplotlib.colors import BoundaryNorm
     from matplotlib.lines import Line2D

@@ -24,14 +24,7 @@ figcaption{font-size:12px;color:var(--dim);overflow-wrap:anywhere}"""
 
 
 def looks_page(looks: Sequence[Look], confidence: float, title: str, summary: str) -> str:
-    """The page: missed targets, false boxes (the surest first) and hits (the least sure first), each cut out.
-
-    Args:
-        looks: every picture of a labelled set.
-        confidence: least confidence of a box that counts.
-        title: of the page.
-        summary: a paragraph below it.
-    """
+    """The page: missed targets, false boxes (the surest first) and hits (the least sure first), each cut out."""
     missed, false, hits = [], [], []
     for look in looks:
         sure = look.above(confidence)

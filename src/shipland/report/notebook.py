@@ -33,15 +33,7 @@ def flight_html(
     records: Sequence[FlightRecord],
     film: Path | None = None,
 ) -> str:
-    """Verdict, figures of the touchdown, the whole flight from the side and from above where its truth is known, film.
-
-    Args:
-        scenario: what was flown.
-        reason: the verdict in words.
-        verdict: the touchdown; None where there was none.
-        records: a row a cycle.
-        film: shown by its address where the file is there.
-    """
+    """Verdict, figures of the touchdown, the whole flight from two sides where its truth is known, film if there."""
     figures = [("cycles", f"{len(records)}")]
     if verdict is not None and verdict.touched:
         figures += [
@@ -69,12 +61,7 @@ def flight_html(
 
 
 def campaign_html(words: str, cells: Sequence[CellResult]) -> str:
-    """What came of it in a line, a row a cell, and `plot_cells`.
-
-    Args:
-        words: the line.
-        cells: what was flown.
-    """
+    """What came of it in a line, a row a cell, and `plot_cells`."""
     area = area_of(cell.rig for cell in cells)
     rows = []
     for cell in cells:

@@ -82,12 +82,7 @@ class Sheets:
 
 
 def cue_drawing(cue: Cue, hue: Hue) -> Drawing:
-    """A cue's polygons in the middle of their hue, on black: the near vision looks for what is lighter than around it.
-
-    Args:
-        cue: with its corners in metres.
-        hue: of its light where it says none itself.
-    """
+    """A cue's polygons in the middle of their hue, on black: near vision looks for what is lighter than around it."""
     plane_mm = 1e3 * cue.plane_m
     low, high = plane_mm.min(axis=(0, 1)), plane_mm.max(axis=(0, 1))
     border_mm = max(_LEAST_BORDER_MM, _BORDER * float(np.ptp(plane_mm, axis=1).min()))
@@ -121,11 +116,7 @@ def chessboard_drawing(corners: str, square_m: float) -> Drawing:
 
 
 def sheets_for(size_mm: tuple[float, float], paper: str) -> Sheets:
-    """The way of turning the paper that takes fewest sheets.
-
-    Args:
-        size_mm: of the drawing.
-        paper: a name of `PAPERS_MM`, in any case.
+    """The way of turning the paper, a name of `PAPERS_MM` in any case, that takes fewest sheets.
 
     Raises:
         ConfigError: there is no such paper.
@@ -147,13 +138,7 @@ def _laid(size_mm: tuple[float, float], page_mm: tuple[float, float]) -> Sheets:
 
 
 def print_sheets(path: Path, drawing: Drawing, paper: str, title: str) -> Sheets:
-    """Write the PDF.
-
-    Args:
-        path: written over.
-        drawing: in true size.
-        paper: a name of `PAPERS_MM`.
-        title: at the foot of each sheet.
+    """Write the PDF, with a title at the foot of each sheet.
 
     Returns:
         How it lies on the paper.

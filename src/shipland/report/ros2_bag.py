@@ -47,11 +47,6 @@ class _Bag:
 def write_bag(log_path: Path, folder: Path, namespace: str = "drone") -> dict[str, int]:
     """Write a flight log as a bag (rosbag2, version 8, storage MCAP), which `ros2 bag` and rosbags open.
 
-    Args:
-        log_path: flight.mcap.
-        folder: of the bag; must not be there yet.
-        namespace: of the vehicle's topics.
-
     Returns:
         Messages of each topic.
 

@@ -52,14 +52,7 @@ class Column:
 
 
 def share_chart(columns: Sequence[Column], title: str, unit: str, joined: bool) -> str:
-    """Shares against a quantity in bins, or over categories.
-
-    Args:
-        columns: from left to right.
-        title: what is shown.
-        unit: under the axis.
-        joined: a line joins the marks of a series.
-    """
+    """Shares against a quantity in bins, or over categories; `joined`, a line joins the marks of a series."""
     width, height, left, top, foot = max(320, 104 * len(columns) + 70), 240, 44, 30, 46
     plot = height - top - foot
     step = (width - left - 12) / len(columns)

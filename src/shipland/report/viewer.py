@@ -17,11 +17,7 @@ from shipland.rig import Rig
 
 
 class Viewer:
-    """Shows cycles as they are replayed, in a window or into a file; nothing leaves this machine.
-
-    Args:
-        rig: what is landed on.
-        save: a .rrd file to write instead of opening a window.
+    """Shows cycles as they are replayed, in a window or into a .rrd file; nothing leaves this machine.
 
     Raises:
         ConfigError: rerun is not installed.

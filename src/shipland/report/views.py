@@ -29,12 +29,7 @@ _Projection = Callable[[Array], Array]
 
 
 class FlightViews:
-    """Takes the truth moment by moment, and draws: ship and trail in `ship`, ahead to the right.
-
-    Args:
-        rig: what is landed on.
-        aircraft_m: diagonal of the aircraft [m].
-    """
+    """Takes the truth moment by moment, and draws: ship and trail in `ship`, ahead to the right."""
 
     def __init__(self, rig: Rig, aircraft_m: float) -> None:
         self._rig, self._boxes, self._aircraft_m = rig, layout(rig), aircraft_m

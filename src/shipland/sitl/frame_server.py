@@ -33,12 +33,6 @@ class FrameServer(AbstractContextManager["FrameServer"]):
     """Takes exposures from the physics and never makes it wait.
 
     Frames leave `delays.video_s` after their exposure; while a picture is drawn, those that come are left out.
-
-    Args:
-        scenario: rig, camera, scene, delays.
-        seed: of the ship's motion and the picture.
-        host, port: bound; loopback.
-        pictures: whether they are drawn.
     """
 
     def __init__(self, scenario: Scenario, seed: int, host: str, port: int, pictures: bool) -> None:

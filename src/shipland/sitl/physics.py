@@ -150,13 +150,7 @@ class RealTimeFactor:
 
 
 class ServedFlight:
-    """One flight of a held world, its camera and its messages to the terminal, stepped by an interface.
-
-    Args:
-        held: the world.
-        frames: its camera.
-        say: takes a line for people.
-    """
+    """One flight of a held world, its camera and its messages to the terminal, stepped by an interface."""
 
     def __init__(self, held: LaunchHold, frames: FrameServer, say: Callable[[str], None]) -> None:
         self._held, self._frames, self._frame_s, self.say = held, frames, 1.0 / held.world.frame_rate_hz, say
@@ -205,13 +199,7 @@ class ServedFlight:
 
 
 def felt_in_body_mps2(before: RigidBodyState, after: RigidBodyState, step_s: float) -> Vector:
-    """Specific force along `body`: acceleration without gravity, contacts included.
-
-    Args:
-        before: motion at the step's start.
-        after: at its end.
-        step_s: that step [s].
-    """
+    """Specific force along `body`: acceleration without gravity, contacts included."""
     change = np.array(after.velocity_mps) - np.array(before.velocity_mps)
     felt_in_ned: Array = change / step_s - np.array([0.0, 0.0, GRAVITY_MPS2])
     forward, right, down = (rotation_from_quaternion(np.array(after.quaternion)).T @ felt_in_ned).tolist()

@@ -55,11 +55,7 @@ class Fix(NamedTuple):
 
 
 class SimulatedSensors:
-    """Sensors with white noise, and a GPS whose place wanders.
-
-    Args:
-        rng: of the noise.
-    """
+    """Sensors with white noise, and a GPS whose place wanders."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
@@ -166,10 +162,6 @@ class Outputs:
 
 class Px4Link(AbstractContextManager["Px4Link"]):
     """The TCP port to which a PX4's simulator module connects.
-
-    Args:
-        host, port: bound; loopback.
-        seed: of the sensors' noise.
 
     Raises:
         ConfigError: the port is taken.

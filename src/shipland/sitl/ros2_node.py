@@ -113,13 +113,7 @@ class SetPoints:
 
 
 class VehicleTopics:
-    """What a vehicle tells, as topics.
-
-    Args:
-        node: see there.
-        topics: full names, by those of `VEHICLE_TOPICS`.
-        vehicle: whose camera it is.
-    """
+    """What a vehicle tells, as topics."""
 
     def __init__(self, node: Node, topics: dict[str, str], vehicle: SimulatedVehicle) -> None:
         self._camera = vehicle.camera
@@ -133,14 +127,7 @@ class VehicleTopics:
         self._tf = node.publisher("tf", "tf2_msgs/msg/TFMessage")
 
     def tell(self, frame: Frame, telemetry: Telemetry, exposed_s: float, now_s: float) -> None:
-        """One cycle; pictures only where somebody listens.
-
-        Args:
-            frame: of the vehicle.
-            telemetry: of the vehicle.
-            exposed_s: of the frame, since the epoch.
-            now_s: of the telemetry, likewise.
-        """
+        """One cycle, its times since the epoch [s]; pictures only where somebody listens."""
         true_s = now_s - (telemetry.t_s - telemetry.newest_s)
         self._odom.send(odometry_of(telemetry, true_s))
         self._mount.send(gimbal_message(frame.gimbal, exposed_s))
@@ -180,13 +167,7 @@ def serve_ros2(
 ) -> TouchdownVerdict | None:
     """Fly one flight of the simulated vehicle by the set-points that come; the world waits for the first.
 
-    Args:
-        scenario: what is flown.
-        seed: of everything random.
-        namespace: of its topics.
-        pictures: whether they are drawn.
-        frames: takes exposures with their truth as well, for vision without pictures and for the verdict.
-        say: takes a line for people.
+    The frames carry the truth as well, for vision without pictures and for the verdict.
 
     Returns:
         The verdict; None where the flight was interrupted.

@@ -64,9 +64,6 @@ def state_line(step: FlightStep) -> bytes:
 class JsonLink(AbstractContextManager["JsonLink"]):
     """The UDP port of ArduPilot's `--model JSON`.
 
-    Args:
-        host, port: bound; loopback.
-
     Raises:
         ConfigError: the port is taken.
     """

@@ -85,9 +85,6 @@ class CameraStream:
 
     One that fails before its first picture is not opened again: nothing flies yet, and whoever connects is told at
     once.
-
-    Args:
-        source: where the pictures come from.
     """
 
     def __init__(self, source: PictureSource) -> None:
@@ -124,12 +121,7 @@ class CameraStream:
         self._thread.start()
 
     def newest(self, after_s: float, timeout_s: float) -> StreamedPicture | None:
-        """The newest picture exposed after a time, waiting for one; None when none comes in time.
-
-        Args:
-            after_s: exposure time of the picture that is known.
-            timeout_s: how long to wait.
-        """
+        """The newest picture exposed after a time, waiting for one; None when none comes in time."""
         with self._condition:
             self._condition.wait_for(lambda: self._ended or self._is_newer(after_s), timeout_s)
             return self._newest if self._is_newer(after_s) else None
@@ -189,9 +181,6 @@ class ExposureClock:
     minus stamp, and no picture is quicker than the quickest: a stamp whose offset lies far below the median's, or that
     goes back, is not used, and its picture is refused. Where such stamps go on and agree with one another the
     stream's clock has stepped, and its offset is found again.
-
-    Args:
-        latency_s: from exposure to receipt, of the quickest picture.
     """
 
     def __init__(self, latency_s: float) -> None:

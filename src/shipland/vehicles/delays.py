@@ -78,10 +78,6 @@ class TelemetryFeed:
 
     Readings are taken on a fixed schedule, whoever asks: a flight and its telemetry do not depend on how often it is
     asked for.
-
-    Args:
-        parameters: the profile.
-        start_s: time of the first readings [s].
     """
 
     def __init__(self, parameters: ProfileParameters, start_s: float) -> None:
@@ -179,12 +175,7 @@ class DelayParameters:
     telemetry: TelemetryParameters = key(TelemetryParameters(), "rate and latency of what the vehicle says of itself")
 
     def processing_s(self, observation: Observation, measured_s: float) -> float:
-        """Time that a cycle's processing is taken to last [s].
-
-        Args:
-            observation: of the cycle; it tells whether a learned detector ran.
-            measured_s: what it took by the clock.
-        """
+        """Time that a cycle's processing is taken to last [s]."""
         if self.processing == "measured":
             return measured_s
         if self.processing == "zero":

@@ -27,10 +27,6 @@ class FrameSource:
     """A `PictureSource` at the end of the socket.
 
     A frame's age is taken from the world's clock, its receipt from ours: exposure is receipt minus age.
-
-    Args:
-        host, port: where the world serves.
-        camera: intrinsics that the pictures must fit.
     """
 
     def __init__(self, host: str, port: int, camera: Camera) -> None:

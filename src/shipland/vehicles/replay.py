@@ -121,13 +121,7 @@ class ReplayVehicle:
 
 
 def recorded_video(path: Path, camera: Camera, pitch_rad: float, latency_s: float) -> Iterator[Recorded]:
-    """A video's pictures, with nothing known but when they were exposed.
-
-    Args:
-        path: the file.
-        camera: its calibration.
-        pitch_rad: of the camera against the horizon, constant.
-        latency_s: from exposure to receipt.
+    """A video's pictures, with nothing known but when they were exposed, under a constant pitch.
 
     Raises:
         DataError: no video, or its pictures are of another size than the calibration.

@@ -25,11 +25,7 @@ _VERDICT_S = 5.0
 
 
 class SetpointVehicle(ABC):
-    """A `Vehicle` on `time.monotonic`; a `GroundTruthSource` where its camera is a simulator's.
-
-    Args:
-        parameters: of the link.
-    """
+    """A `Vehicle` on `time.monotonic`; a `GroundTruthSource` where its camera is a simulator's."""
 
     def __init__(self, parameters: SetpointParameters) -> None:
         self._parameters = parameters

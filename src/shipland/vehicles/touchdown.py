@@ -95,10 +95,6 @@ class TouchdownWatch:
 
     The hover throttle is the smaller of what the vehicle states and what it was flown with before the landing: one
     that is stated too high would make hovering look carried.
-
-    Args:
-        parameters: see there.
-        hover_throttle: 0 … 1, as the vehicle states it.
     """
 
     def __init__(self, parameters: TouchdownParameters, hover_throttle: float) -> None:

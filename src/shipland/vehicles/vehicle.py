@@ -22,12 +22,7 @@ LATE_S = 1.0
 
 
 def unless_late(command: PilotCommand, now_s: float) -> PilotCommand:
-    """The command, or a hold where its pilot stood still meanwhile: it was for another place.
-
-    Args:
-        command: decided at its `t_s`, on the vehicle's clock.
-        now_s: on the same clock.
-    """
+    """The command, or a hold where its pilot stood still meanwhile: it was for another place."""
     if not now_s - command.t_s > LATE_S:  # a time that is not finite tells nothing
         return command
     return PilotCommand.hold(now_s, command.gimbal_pitch_rad)

@@ -80,13 +80,7 @@ class HeadingSetPoint:
         self._heading_rad = math.nan
 
     def next_rad(self, turn_rad_s: float, heading_rad: float, step_s: float) -> float:
-        """The heading to ask for [rad].
-
-        Args:
-            turn_rad_s: clockwise.
-            heading_rad: the aircraft's.
-            step_s: since the set-point before.
-        """
+        """The heading to ask for [rad]."""
         if math.isnan(self._heading_rad):
             self._heading_rad = heading_rad
         ahead = wrap_angle(self._heading_rad + turn_rad_s * step_s - heading_rad)

@@ -63,25 +63,13 @@ def moment_of(metadata: Mapping[str, Any]) -> Moment:
 
 
 def with_moment(before: Telemetry, moment: Moment, exposed_s: float) -> Telemetry:
-    """Telemetry after a picture's metadata, where it knows nothing newer.
-
-    Args:
-        before: what was known.
-        moment: of the picture.
-        exposed_s: its exposure.
-    """
+    """Telemetry after a picture's metadata, where it knows nothing newer."""
     turned = _with_attitude(before, moment.roll_rad, moment.pitch_rad, moment.heading_rad, exposed_s)
     return _with_velocity(turned, moment.velocity_in_ned_mps, moment.heading_rad, exposed_s)
 
 
 def merged(before: Telemetry, kind: str, values: Mapping[str, Any], t_s: float) -> Telemetry:
-    """Telemetry after one of the ANAFI's events.
-
-    Args:
-        before: what was known.
-        kind: of the event.
-        values: its arguments by name, as ARSDK has them.
-        t_s: when it was true.
+    """Telemetry after one of the ANAFI's events, with ARSDK's arguments by name, true at `t_s`.
 
     Raises:
         ValueError: a value is not finite, or a state is unknown.

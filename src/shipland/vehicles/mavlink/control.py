@@ -15,9 +15,6 @@ class Control:
     Control begins with the guided mode: set by the operator after `begin`, or requested by us. From then on another
     mode, a moved stick, stopped motors or a restart ends it, whatever mode comes later. The autopilot's own landing is
     no other mode once we have asked for it.
-
-    Args:
-        stick_takeover_us: a stick moved by more takes over.
     """
 
     def __init__(self, stick_takeover_us: int) -> None:

@@ -63,12 +63,7 @@ class Orders:
 
 
 class Guard:
-    """Listens to both sides and says what is to be sent; times are `time.monotonic` [s].
-
-    Args:
-        orders: what to do.
-        stream: whether messages of the vehicle may be cut anywhere.
-    """
+    """Listens to both sides and says what is to be sent; times are `time.monotonic` [s]."""
 
     def __init__(self, orders: Orders, stream: bool) -> None:
         system, component = orders.own

@@ -47,9 +47,6 @@ def _message_of(record: bytes) -> tuple[str, bytes]:
 class GuardedPort:
     """The port as the link sees it; `stream` says whether messages may be cut anywhere, as on a serial line.
 
-    Args:
-        place: as in `mavlink://PLACE`.
-
     Raises:
         ConfigError: the place is none.
         VehicleError: the process cannot be started or the port not be opened.

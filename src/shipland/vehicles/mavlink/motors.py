@@ -18,14 +18,7 @@ _RANGE_S = 1.0
 
 
 class MotorStop:
-    """Watches for the touchdown, and asks for the motors to stop; called only while the mode is ours.
-
-    Args:
-        session: the conversation.
-        parameters: of the vehicle.
-        touchdown: of the watch.
-        hover_throttle: 0 … 1, as the vehicle states it.
-    """
+    """Watches for the touchdown, and asks for the motors to stop; called only while the mode is ours."""
 
     def __init__(
         self, session: Session, parameters: MavlinkParameters, touchdown: TouchdownParameters, hover_throttle: float
@@ -35,13 +28,7 @@ class MotorStop:
         self._asked_s, self._asked, self._answers = -math.inf, 0, 0
 
     def look(self, command: PilotCommand | None, state: AutopilotState, now_s: float) -> GroundContact:
-        """Whether it has touched the deck; where it stands, ask for the motors to stop.
-
-        Args:
-            command: the newest, or None where that is too old.
-            state: of the autopilot.
-            now_s: our time.
-        """
+        """Whether it has touched the deck; where it stands, ask for the motors to stop. A command too old is None."""
         touch = ContactSignals(
             t_s=now_s,
             landing=command is not None and command.intent is Intent.LAND and state.armed,

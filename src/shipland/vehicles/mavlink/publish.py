@@ -42,14 +42,7 @@ def aircraft_in_bar(pose: BarPose, state: AutopilotState, mounting: Mounting) ->
 
 
 def landing_target(pose: BarPose, state: AutopilotState, mounting: Mounting, time_us: int) -> Message:
-    """LANDING_TARGET of the pad: in BODY_FRD for an ArduPilot, in LOCAL_NED for a PX4, which takes no other.
-
-    Args:
-        pose: of the camera.
-        state: of the autopilot at the exposure.
-        mounting: see there.
-        time_us: exposure.
-    """
+    """LANDING_TARGET of the pad: in BODY_FRD for an ArduPilot, in LOCAL_NED for a PX4, which takes no other."""
     to_pad_in_bar = mounting.pad_in_bar_m - aircraft_in_bar(pose, state, mounting)
     to_pad_in_level = rotation_from_euler(0.0, 0.0, pose.yaw_rad).T @ to_pad_in_bar
     if state.autopilot == PX4:
@@ -69,14 +62,7 @@ def landing_target(pose: BarPose, state: AutopilotState, mounting: Mounting, tim
 
 
 def position_estimate(pose: BarPose, state: AutopilotState, mounting: Mounting, time_us: int) -> Message:
-    """VISION_POSITION_ESTIMATE from the cue's centre, north-east-down; every covariance is finite.
-
-    Args:
-        pose: of the camera.
-        state: of the autopilot at the exposure.
-        mounting: see there.
-        time_us: exposure.
-    """
+    """VISION_POSITION_ESTIMATE from the cue's centre, north-east-down; every covariance is finite."""
     ned_from_bar = rotation_from_euler(0.0, 0.0, state.heading_rad - pose.yaw_rad)
     north, east, down = (ned_from_bar @ aircraft_in_bar(pose, state, mounting)).tolist()
     covariance = ned_from_bar @ pose.covariance[:3, :3] @ ned_from_bar.T
@@ -107,14 +93,7 @@ def _at_exposure(session: Session, state: AutopilotState, t_s: float) -> Autopil
 
 
 def tell(session: Session, seen: Observation, mounting: Mounting, with_position: bool = False) -> bool:
-    """Send what was seen of the pad, from where the aircraft was at the exposure; whether there was anything to send.
-
-    Args:
-        session: with the autopilot.
-        seen: of a frame.
-        mounting: see there.
-        with_position: whether the position estimate is sent as well.
-    """
+    """Send what was seen of the pad, from where the aircraft was at the exposure; whether there was anything."""
     state = session.state
     if seen.bar_pose is None or not math.isfinite(state.heading_rad):
         return False

@@ -56,12 +56,7 @@ class ClimbScale:
 
 
 class AttitudeTarget:
-    """SET_ATTITUDE_TARGET with an integrated heading; one for a flight.
-
-    Args:
-        scale: what thrust means.
-        target: who it is for.
-    """
+    """SET_ATTITUDE_TARGET with an integrated heading; one for a flight."""
 
     def __init__(self, scale: ClimbScale, target: MavlinkTarget) -> None:
         self._scale, self._target = scale, target
@@ -72,14 +67,7 @@ class AttitudeTarget:
         self._heading.rest()
 
     def message(self, wanted: Wanted, heading_rad: float, step_s: float, boot_ms: int) -> Message:
-        """The next set-point.
-
-        Args:
-            wanted: tilts, climb and turn.
-            heading_rad: the aircraft's.
-            step_s: since the set-point before.
-            boot_ms: our clock.
-        """
+        """The next set-point."""
         heading_rad = self._heading.next_rad(wanted.turn_rad_s, heading_rad, step_s)
         quaternion = list(quaternion_from_euler(wanted.right, -wanted.forward, heading_rad))
         return dialect.MAVLink_set_attitude_target_message(

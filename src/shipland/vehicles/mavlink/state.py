@@ -63,12 +63,7 @@ class Clock:
     restarts: int = 0
 
     def at(self, boot_ms: int, received_s: float) -> tuple[Clock, float]:
-        """The clock moved on, and when a message was sent, on ours, but for the quickest one's travel time.
-
-        Args:
-            boot_ms: the message's own time.
-            received_s: when it came.
-        """
+        """The clock moved on, and when a message was sent, on ours, but for the quickest one's travel time."""
         boot_s, known = 1e-3 * boot_ms, self
         if boot_s < self.boot_s - _REBOOT_S:
             known = Clock(boot_s, restarts=self.restarts + 1)

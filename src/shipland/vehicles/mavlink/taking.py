@@ -21,14 +21,7 @@ _log = logging.getLogger(__name__)
 
 
 class Taking:
-    """Waits for the guided mode or asks for it, arms and takes off, as far as that was allowed.
-
-    Args:
-        session: the conversation.
-        control: who flies.
-        parameters: of the vehicle.
-        closed: whether the flight was ended meanwhile.
-    """
+    """Waits for the guided mode or asks for it, arms and takes off, as far as that was allowed."""
 
     def __init__(
         self, session: Session, control: Control, parameters: MavlinkParameters, closed: Callable[[], bool]

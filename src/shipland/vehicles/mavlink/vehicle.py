@@ -49,11 +49,7 @@ _HAND_OVER_S = 0.5
 
 
 class MavlinkVehicle(SetpointVehicle):
-    """An autopilot that is flown by MAVLink set-points.
-
-    Args:
-        setup: link, camera, parameters, and what it may do by itself.
-    """
+    """An autopilot that is flown by MAVLink set-points."""
 
     _parameters: MavlinkParameters
 

@@ -108,12 +108,7 @@ def flu(pose: Pose) -> Pose:
 
 
 def odometry_of(telemetry: Telemetry, t_s: float) -> Any:  # noqa: ANN401
-    """nav_msgs/Odometry of a vehicle without a position: attitude, height and velocity.
-
-    Args:
-        telemetry: what the vehicle says of itself.
-        t_s: when, since the epoch.
-    """
+    """nav_msgs/Odometry of a vehicle without a position: attitude, height, velocity; `t_s` is since the epoch."""
     roll, pitch, heading = (
         math.nan if value is None else value
         for value in (telemetry.roll_rad, telemetry.pitch_rad, telemetry.heading_rad)

@@ -58,11 +58,7 @@ def only_this_machine() -> bool:
 
 
 def settings(local: bool) -> str:
-    """Cyclone's configuration; what stands in CYCLONEDDS_URI goes over it.
-
-    Args:
-        local: loopback alone, where there is no multicast.
-    """
+    """Cyclone's configuration, `local` for loopback alone; what stands in CYCLONEDDS_URI goes over it."""
     loopback = (
         '<General><Interfaces><NetworkInterface name="lo"/></Interfaces>'
         f"<AllowMulticast>false</AllowMulticast>{_LARGE}</General>"
@@ -111,12 +107,7 @@ class Publisher:
 
 
 class Node:
-    """A participant, its topics, and one thread on which everything received is handed over.
-
-    Args:
-        domain: ROS domain.
-        local: loopback alone.
-    """
+    """A participant, its topics, and one thread on which everything received is handed over."""
 
     def __init__(self, domain: int, local: bool) -> None:
         store()  # says what is missing
