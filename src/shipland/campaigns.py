@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -28,8 +28,6 @@ from shipland.evaluation.campaign import (
 )
 from shipland.evaluation.landing import Landing, column_of
 from shipland.evaluation.leaderboard import (
-    OF_CAMPAIGNS,
-    OF_PILOTS,
     Pairings,
     campaign_pairings,
     leaderboard,
@@ -66,10 +64,9 @@ class Comparison:
     """
 
     pairings: Pairings
-    _head: tuple[str, ...] = field(repr=False)
 
     def __repr__(self) -> str:
-        return "\n".join(pairings_table(self._head, self.pairings))
+        return "\n".join(pairings_table(self.pairings))
 
     def _repr_markdown_(self) -> str:
         return repr(self)
@@ -166,13 +163,13 @@ class Campaign:
             ConfigError: there is nothing to compare.
         """
         if other is not None:
-            return Comparison(campaign_pairings(self.cells, other.cells), OF_CAMPAIGNS)
+            return Comparison(campaign_pairings(self.cells, other.cells))
         found = pilot_pairings(self.cells)
         if not found:
             raise ConfigError(
                 "one pilot flew; give several to campaign(pilot=[…]), or another campaign to compare with"
             )
-        return Comparison(found, OF_PILOTS)
+        return Comparison(found)
 
 
 def campaign(

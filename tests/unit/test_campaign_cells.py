@@ -18,9 +18,10 @@ from shipland.errors import ConfigError, DataError
 from shipland.evaluation import campaign, job
 from shipland.evaluation.campaign import CampaignPlan, open_campaign, processes, read_cells, write_rows
 from shipland.evaluation.leaderboard import (
+    campaign_pairings,
     leaderboard,
     oracle_rates_of,
-    paired,
+    pairings_table,
     pairs,
     rests_in_area,
     rivals,
@@ -196,10 +197,10 @@ def test_tables_say_what_was_flown(plan):
     assert "%" in lines[2].split("|")[8]
     assert "nan" not in " ".join([*lines, *pairs(cells), *rivals(cells)])
     assert any("| paper, horizon | 3 | 0 | 1 | 1 |" in line for line in pairs(cells))
-    assert any("| 3 | 0 | 0 | 1 |" in line for line in paired(cells, cells))
+    assert any("| 3 | 0 | 0 | 1 |" in line for line in pairings_table(campaign_pairings(cells, cells)))
     with pytest.raises(ConfigError, match="no cell in common"):
-        list(paired(cells[:1], cells[2:3]))
-    (line,) = list(paired(cells[:1], cells[1:2]))[2:]
+        campaign_pairings(cells[:1], cells[2:3])
+    (line,) = list(pairings_table(campaign_pairings(cells[:1], cells[1:2])))[2:]
     assert line.startswith("| rig-natops_mean_mps=0: paper, horizon | 3 | 0 | 1 | 1 |")
 
 

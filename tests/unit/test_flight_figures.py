@@ -11,7 +11,7 @@ from shipland.errors import DataError
 from shipland.record.info import FORMAT_VERSION, LogHeader
 from shipland.record.reader import FlightLog
 from shipland.record.writer import LogWriter
-from shipland.report.outputs import load_outputs
+from shipland.report.outputs import OutputParameters
 from shipland.report.plots import PlotParameters
 from shipland.reproduce.flight_figures import (
     figures_of_flights,
@@ -32,7 +32,7 @@ def log_of(records=RECORDS, verdict=VERDICT):
 
 
 def write(path, records, verdict=VERDICT):
-    writer = LogWriter(path, INFO, RIG, CAMERA, load_outputs().log)
+    writer = LogWriter(path, INFO, RIG, CAMERA, OutputParameters().log)
     for record in records:
         writer.append(record)
     writer.finish(verdict)

@@ -15,7 +15,7 @@ from shipland.messages import Mode
 from shipland.record.info import FORMAT_VERSION, LogHeader
 from shipland.record.reader import FlightLog
 from shipland.report.landing_plots import DeckTrace, Touchdowns, plot_instants, plot_touchdowns
-from shipland.report.outputs import load_outputs
+from shipland.report.outputs import OutputParameters
 from shipland.report.palette import BLUE, MODE_COLOURS, MODE_NAMES, VERMILION, unit
 from shipland.report.plots import PlotParameters, draw_footprint, draw_pad, plot_flight, smooth
 
@@ -133,7 +133,7 @@ def test_no_landing_at_all_is_shown_as_such(tmp_path):
 
 
 def test_the_packaged_resolution_suits_a_readme():
-    assert 1600 <= round(10.4 * load_outputs().plots.dpi) <= 2000  # twice a README's 830 px
+    assert 1600 <= round(10.4 * OutputParameters().plots.dpi) <= 2000  # twice a README's 830 px
     with pytest.raises(ConfigError, match="dpi: expected 40 to 600"):
         build(PlotParameters, {"dpi": 5}, "plots")
 

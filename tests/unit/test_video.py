@@ -18,12 +18,12 @@ from shipland.frames import euler_from_rotation
 from shipland.messages import Box, Estimate, GimbalAttitude, Observation
 from shipland.report.chase import chase_camera, chase_state, look_at
 from shipland.report.lettering import put_text, text_width, wrap_text
-from shipland.report.outputs import load_outputs
+from shipland.report.outputs import OutputParameters
 from shipland.report.overlay import STRIP_HEIGHT_PX, Instruments, draw_sight, draw_zoom
 from shipland.report.palette import SKY, bgr
 from shipland.report.video import FlightVideo, Moments, VideoWriter, between
 
-PARAMETERS = dataclasses.replace(load_outputs().video, verdict_hold_s=0.5)
+PARAMETERS = dataclasses.replace(OutputParameters().video, verdict_hold_s=0.5)
 SMALL = Camera.from_fov(320, 180, 69.0)
 
 

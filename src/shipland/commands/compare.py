@@ -32,11 +32,11 @@ class Compare:
         """Print the comparison."""
         from shipland.evaluation.campaign import cells_file, read_cells
         from shipland.evaluation.folder import read_campaign
-        from shipland.evaluation.leaderboard import paired
+        from shipland.evaluation.leaderboard import campaign_pairings, pairings_table
         from shipland.evaluation.tables import comparison
 
         if all(cells_file(folder).exists() for folder in (self.first, self.second)):
-            print("\n".join(paired(read_cells([self.first]), read_cells([self.second]))))
+            print("\n".join(pairings_table(campaign_pairings(read_cells([self.first]), read_cells([self.second])))))
             return 0
         first, second = read_campaign(self.first), read_campaign(self.second)
         print(comparison(first, second, (str(self.first), str(self.second))))

@@ -134,7 +134,6 @@ def _quantile(values: np.ndarray[tuple[int], np.dtype[np.float64]], share: float
 
 Pairings = dict[tuple[str, ...], Pairing]
 """Paired tests by what stands before them in a table's row."""
-OF_PILOTS, OF_CAMPAIGNS = ("scenario and settings", "pilots"), ("cell",)
 
 
 def pilot_pairings(cells: Sequence[CellResult]) -> Pairings:
@@ -169,8 +168,9 @@ def _paired(first: CellResult, second: CellResult) -> Pairing:
     return pair_up(by_seed(first.landings), by_seed(second.landings), np.random.default_rng(1))
 
 
-def pairings_table(head: tuple[str, ...], found: Pairings) -> Iterator[str]:
+def pairings_table(found: Pairings) -> Iterator[str]:
     """Markdown, a line a pairing."""
+    head = ("cell",) if found and len(next(iter(found))) == 1 else ("scenario and settings", "pilots")
     numbers = "seeds | only the first | only the second | McNemar p | error median, first less second [cm] |"
     yield f"| {' | '.join(head)} | {numbers}"
     yield f"|{'---|' * len(head)}---:|---:|---:|---:|---:|"
@@ -180,7 +180,7 @@ def pairings_table(head: tuple[str, ...], found: Pairings) -> Iterator[str]:
 
 def pairs(cells: Sequence[CellResult]) -> Iterator[str]:
     """Markdown: every two pilots of one group on the same seeds."""
-    return pairings_table(OF_PILOTS, pilot_pairings(cells))
+    return pairings_table(pilot_pairings(cells))
 
 
 def rivals(cells: Sequence[CellResult]) -> Iterator[str]:
@@ -191,11 +191,6 @@ def rivals(cells: Sequence[CellResult]) -> Iterator[str]:
     for cell in cells:
         counts = [str(sum(map(rule, cell.landings))) for rule in rules(cell.rig).values()]
         yield " | ".join([f"| {cell.group}", cell.pilot, str(len(cell.landings)), *counts]) + " |"
-
-
-def paired(first: Sequence[CellResult], second: Sequence[CellResult]) -> Iterator[str]:
-    """Markdown: the same cells of two campaigns; raises as `campaign_pairings`."""
-    return pairings_table(OF_CAMPAIGNS, campaign_pairings(first, second))
 
 
 def _pairing(found: Pairing) -> str:

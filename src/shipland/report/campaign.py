@@ -16,7 +16,7 @@ from shipland.extras import installed
 from shipland.factories import name_of
 from shipland.files import writing
 from shipland.report.landing_plots import DeckTrace, plot_instants, plot_touchdowns, touchdowns_of
-from shipland.report.outputs import load_outputs
+from shipland.report.outputs import OutputParameters
 from shipland.scenario.scenario import Scenario
 from shipland.sim.ship.ship import build_ship
 
@@ -40,7 +40,7 @@ def write_campaign(folder: Path, cell: Cell, landings: Sequence[Landing]) -> Non
         return
     touchdowns = touchdowns_of(landings)
     title = f"{scenario.name}, pilot {name_of(cell.pilot)}, vision {name_of(cell.vision)}"
-    parameters = load_outputs().plots
+    parameters = OutputParameters().plots
     plot_touchdowns(folder / "landings.png", touchdowns, scenario.rig, title, parameters)
     if scenario.ship.same_motion:
         instants_s = np.array([landing.instant_s if landing.touched else np.nan for landing in landings])

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from shipland.aside import Aside
 from shipland.camera import Camera
-from shipland.config import build, parameters, read_toml
+from shipland.config import parameters
 from shipland.errors import DataError
 from shipland.extras import installed
 from shipland.messages import FlightRecord, GroundTruth, TouchdownVerdict
@@ -22,7 +22,7 @@ from shipland.record.reader import FlightLog, read_log
 from shipland.record.writer import LogWriter
 from shipland.report.lettering import Image
 from shipland.report.plots import PlotParameters, plot_flight
-from shipland.report.summary import FlightSummary, summarise, write_json
+from shipland.report.summary import summarise, write_json
 from shipland.report.video import Chase, FlightVideo, VideoParameters
 from shipland.rig import Rig
 
@@ -42,11 +42,6 @@ class OutputParameters:
     plots: PlotParameters = PlotParameters()
 
 
-def load_outputs(path: Path | None = None) -> OutputParameters:
-    """The output parameters, with a user's file laid over them; ConfigError when that is wrong."""
-    return build(OutputParameters, {} if path is None else read_toml(path), "outputs")
-
-
 def _words(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename} cannot be written: {error.strerror}" if error.filename else error.strerror
@@ -62,7 +57,6 @@ class Recorder(AbstractContextManager["Recorder"]):
 
     folder: Path
     problems: list[str]
-    summary: FlightSummary | None
 
     def __init__(
         self,
@@ -91,7 +85,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         Raises:
             DataError: the folder or the log cannot be written.
         """
-        self.folder, self.problems, self.summary = folder, [], None
+        self.folder, self.problems = folder, []
         self._finished = self._log_failed = False
         self._flown: FlightLog | None = None
         self._parameters = parameters
@@ -126,16 +120,13 @@ class Recorder(AbstractContextManager["Recorder"]):
 
     def finish(
         self, verdict: TouchdownVerdict | None, end: str = "", cost_s: Mapping[str, float] | None = None
-    ) -> FlightSummary | None:
+    ) -> None:
         """Close log and video and write plots, summary and timing.
 
         Args:
             verdict: the touchdown, or None.
             end: why the loop ended, in words.
             cost_s: wall-clock time of each stage of the loop [s].
-
-        Returns:
-            The figures; None when the log failed.
         """
         self._finished = True
         if self._aside is not None:
@@ -151,7 +142,6 @@ class Recorder(AbstractContextManager["Recorder"]):
             self._attempt("summary", partial(self._write_summary, end))
             self._attempt("plots", self._write_plots)
         self._attempt("timing", partial(self._write_timing, cost_s or {}))
-        return self.summary
 
     def _close(self) -> None:
         for name, output in list(self._outputs.items()):
@@ -190,8 +180,8 @@ class Recorder(AbstractContextManager["Recorder"]):
 
     def _write_summary(self, end: str) -> None:
         self._flown = read_log(self.folder / LOG_NAME)
-        self.summary = summarise(self._flown, end)
-        write_json(self.folder / SUMMARY_NAME, self.summary)
+        configuration = self._flown.header.info.table()
+        write_json(self.folder / SUMMARY_NAME, summarise(self._flown, end), configuration=configuration)
 
     def _write_plots(self) -> None:
         if self._flown is not None and self._flown.records and installed("plots"):

@@ -16,7 +16,7 @@ from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.evaluation.tally import Tally
 from shipland.report.campaign import deck_trace
 from shipland.report.landing_plots import plot_instants, plot_touchdowns, touchdowns_of
-from shipland.report.outputs import load_outputs
+from shipland.report.outputs import OutputParameters
 from shipland.scenario.scenario import load_scenario, scenario_table
 
 PUBLISHED_RUNS = 50
@@ -39,7 +39,7 @@ def touchdowns(path: Path, runs: int, progress: Callable[[str], None]) -> str:
         instants_s = np.array([landing.instant_s if landing.touched else np.nan for landing in landings])
         met = replace(touchdowns_of(landings), t_s=instants_s)
         trace = deck_trace(scenario, max(landing.instant_s for landing in landings) + 5.0)
-        title, parameters = f"{words}, pilot {PILOT}", load_outputs().plots
+        title, parameters = f"{words}, pilot {PILOT}", OutputParameters().plots
         plot_instants(path.with_name(f"{path.stem}-{name}.png"), trace, met, title, parameters)
         plot_touchdowns(path.with_name(f"landing-points-{name}.png"), met, scenario.rig, title, parameters)
         tally = Tally.of(landings)
