@@ -14,7 +14,7 @@ import griffe
 from latex2mathml.converter import convert
 from mkdocs.exceptions import PluginError
 
-from shipland.cli import COMMANDS, name_of
+from shipland.cli import COMMANDS
 from shipland.report.configuration import page_tables
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -59,8 +59,7 @@ def _shown(path: Path, how: str) -> str:
     if how.startswith("columns of "):
         return column_table(how.removeprefix("columns of "))
     if how == "commands":
-        names = [name_of(command) for command in COMMANDS]
-        return "\n\n".join(f"## shipland {name}\n\n```text\n{help_of(name)}\n```" for name in names)
+        return "\n\n".join(f"## shipland {name}\n\n```text\n{help_of(name)}\n```" for name in COMMANDS)
     if how == "tables":
         return f"`{path.relative_to(ROOT)}`:\n\n{page_tables(path.name)}"
     return f"```{path.suffix[1:]}\n{path.read_text(encoding='utf-8')}```"

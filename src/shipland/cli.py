@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import inspect
 import io
 import itertools
@@ -19,76 +20,17 @@ from typing import Annotated, Any, Protocol, Union, get_type_hints
 import docstring_parser
 import tyro
 
-from shipland.commands.again import Again
-from shipland.commands.bag import Bag
-from shipland.commands.calibrate import Calibrate
-from shipland.commands.campaign import Campaign
-from shipland.commands.compare import Compare
-from shipland.commands.config import Config
-from shipland.commands.dataset import Dataset
-from shipland.commands.demo import Demo
-from shipland.commands.detect import Detect
-from shipland.commands.doctor import Doctor
-from shipland.commands.envelope import Envelope
-from shipland.commands.evaluate import Evaluate
-from shipland.commands.example import Example
-from shipland.commands.fly import Fly
-from shipland.commands.identify import Identify
-from shipland.commands.learn import Learn
-from shipland.commands.motion import Motion
-from shipland.commands.paper import Paper
-from shipland.commands.print_cue import PrintCue
-from shipland.commands.publish import Publish
-from shipland.commands.replay import Replay
-from shipland.commands.report import Report
-from shipland.commands.scenarios import Scenarios
-from shipland.commands.see import See
-from shipland.commands.serve_physics import ServePhysics
-from shipland.commands.submit import Submit
-from shipland.commands.suites import Suites
-from shipland.commands.synth import Synth
-from shipland.commands.train import Train
-from shipland.commands.verify import Verify
-from shipland.commands.version import Version
 from shipland.errors import ConfigError, ShiplandError
 from shipland.extras import extra_of
 from shipland.former import FORMER_OPTIONS
 from shipland.stopping import signals_interrupt
 
-COMMANDS: tuple[type[Command], ...] = (
-    Demo,
-    Fly,
-    Campaign,
-    Envelope,
-    Compare,
-    Report,
-    Submit,
-    Verify,
-    Dataset,
-    Again,
-    Replay,
-    Bag,
-    Paper,
-    Motion,
-    See,
-    Detect,
-    Synth,
-    Train,
-    Evaluate,
-    Learn,
-    PrintCue,
-    Calibrate,
-    Identify,
-    Publish,
-    ServePhysics,
-    Scenarios,
-    Example,
-    Config,
-    Suites,
-    Doctor,
-    Version,
-)
-"""In the order of `shipland --help`."""
+COMMANDS = (
+    "demo", "fly", "campaign", "envelope", "compare", "report", "submit", "verify", "dataset", "again", "replay", "bag",
+    "paper", "motion", "see", "detect", "synth", "train", "evaluate", "learn", "print-cue", "calibrate", "identify",
+    "publish", "serve-physics", "scenarios", "example", "config", "suites", "doctor", "version",
+)  # fmt: skip
+"""In the order of `shipland --help`; each is a class in its own module of `shipland.commands`."""
 
 
 class Command(Protocol):
@@ -98,23 +40,25 @@ class Command(Protocol):
         """Do it; the exit code."""
 
 
-def name_of(command: type[Command]) -> str:
-    """`serve-physics` of `ServePhysics`."""
-    return "".join(f"-{letter.lower()}" if letter.isupper() else letter for letter in command.__name__).lstrip("-")
+def command_of(name: str) -> type[Command]:
+    """`ServePhysics` of `serve-physics`."""
+    module = importlib.import_module(f"shipland.commands.{name.replace('-', '_')}")
+    found: type[Command] = getattr(module, name.title().replace("-", ""))
+    return found
 
 
-def briefly(command: type[Command]) -> Any:  # noqa: ANN401 - tyro reads annotations of any form
+def briefly(name: str) -> Any:  # noqa: ANN401 - tyro reads annotations of any form
     """What tyro makes a subcommand of, with the first sentence of its help alone."""
+    command = command_of(name)
     text = inspect.cleandoc(command.__doc__ or "").partition("\n\n")[0]
-    return Annotated[command, tyro.conf.subcommand(name_of(command), description=text)]
+    return Annotated[command, tyro.conf.subcommand(name, description=text)]
 
 
 def parsed(words: Sequence[str]) -> Command:
     """The command that the words ask for; SystemExit after help, or after words that say what is wrong."""
     if words[:1] == ["--version"]:
-        return Version()
-    named = {name_of(command): command for command in COMMANDS}
-    command: Any = named.get(words[0]) if words else None
+        return command_of("version")()
+    command: Any = command_of(words[0]) if words and words[0] in COMMANDS else None
     said = _Said()
     try:
         with redirect_stdout(said) if {"-h", "--help"} & set(words) else nullcontext():

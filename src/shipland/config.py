@@ -190,6 +190,15 @@ def _toml_or_text(text: str) -> Any:
     return text.strip() if value is _INVALID else value
 
 
+def toml_value(value: Any) -> str:
+    """A value as TOML writes it, in one line."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {toml_value(item)}" for key, item in value.items()) + " }" if value else "{}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str | bool) else str(value)
+
+
 def settings(texts: Iterable[str]) -> Table:
     """The table that several `section.key=value` make, later ones over earlier ones.
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from shipland import progress
-from shipland.cli import COMMANDS, main, name_of
+from shipland.cli import COMMANDS, main
 from shipland.commands.fly import Fly
 from shipland.record.reader import read_log
 
@@ -76,7 +76,7 @@ def test_version_and_scenarios(here):
 
 
 def test_help_teaches_and_says_nothing_that_helps_nobody(here):
-    for command in map(name_of, COMMANDS):
+    for command in COMMANDS:
         said = " ".join(here(command, "--help").stdout.split())
         assert len(said) > 100, command
         for noise in (

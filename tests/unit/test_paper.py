@@ -207,11 +207,10 @@ def test_the_published_chain_step_by_step(rng, tmp_path):
     assert (tmp_path / "chain.png").stat().st_size > 5000
 
 
-def test_touchdowns_are_flown_and_drawn_with_the_deck_s_moving_coordinates(tmp_path, monkeypatch):
+def test_touchdowns_are_flown_and_drawn_with_the_deck_s_moving_coordinates(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("shipland.reproduce.touchdowns.MOTIONS", {"rig-natops": "NATOPS limits"})
-    said = []
-    text = touchdowns(tmp_path / "touchdowns.png", 1, said.append)
-    assert said == ["NATOPS limits: flight 1 of 1"]
+    text = touchdowns(tmp_path / "touchdowns.png", load_scenario("near"), runs=1)
+    assert "NATOPS limits: flight 1 of 1\n" in capsys.readouterr().err
     assert text.splitlines()[-1].startswith("| NATOPS limits | 1 | 1 |")
     for name in ("touchdowns-rig-natops.png", "landing-points-rig-natops.png"):
         assert (tmp_path / name).stat().st_size > 5000
@@ -244,13 +243,12 @@ def test_without_the_slew_bound_the_peak_is_sent_whole():
     assert found.sent_percent == pytest.approx(found.peak_percent)
 
 
-def test_courses_are_flown_and_drawn(tmp_path, monkeypatch):
+def test_courses_are_flown_and_drawn(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("shipland.reproduce.courses.COURSES", {"turn90": "90° turn"})
     monkeypatch.setattr("shipland.reproduce.courses.SPEEDS_MPS", (2.5,))
     monkeypatch.setattr("shipland.reproduce.courses.FROM", ("start.distance_m=12", "start.distance_half_range_m=0"))
-    said = []
-    text = courses(tmp_path / "courses.png", said.append)
-    assert said == ["90° turn, 2.5 m/s"]
+    text = courses(tmp_path / "courses.png", load_scenario("near"))
+    assert "90° turn, 2.5 m/s\n" in capsys.readouterr().err
     assert text.splitlines()[-1].startswith("| 90° turn | 1 | 1 |")
     assert (tmp_path / "courses.png").stat().st_size > 5000
 

@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation.campaign import Executor, Keep, Lose
@@ -21,14 +21,6 @@ _RETRIES = 3
 """Of a flight whose process or machine died; its result counts once."""
 _WAITING_A_CORE = 2
 """Flights given out at a time."""
-
-
-class _Answer(NamedTuple):
-    """A machine's answer: the digest of its code, the landing, and the log where one is kept."""
-
-    digest: str
-    landing: Landing
-    log: bytes | None
 
 
 def cluster(address: str) -> Executor:
@@ -59,17 +51,17 @@ def cluster(address: str) -> Executor:
                 for done in ray.wait(list(given), num_returns=1, timeout=POLL_S)[0]:
                     flight = given.pop(done)
                     try:
-                        answer = ray.get(done)
+                        digest, landing, log = ray.get(done)
                     except ray.exceptions.RayError as error:
                         lose(flight, " ".join(str(error).split()[:40]))
                         continue
-                    if answer.digest != source_digest():
+                    if digest != source_digest():
                         raise DataError("a machine of the cluster has other code than this one; install the same")
-                    if answer.log is not None and flight.log is not None:
+                    if log is not None and flight.log is not None:
                         flight.log.parent.mkdir(parents=True, exist_ok=True)
-                        flight.log.write_bytes(answer.log)
-                    keep(flight, answer.landing)
-                    yield flight, answer.landing
+                        flight.log.write_bytes(log)
+                    keep(flight, landing)
+                    yield flight, landing
         finally:
             for reference in given:
                 ray.cancel(reference, force=True)
@@ -78,9 +70,9 @@ def cluster(address: str) -> Executor:
     return executor
 
 
-def _fly_there(flight: FlightJob) -> _Answer:
-    """On a machine of the cluster: its folders are not ours, so the log comes back with the landing."""
+def _fly_there(flight: FlightJob) -> tuple[str, Landing, bytes | None]:
+    """On a machine of the cluster: its code's digest, the landing, and the log, as its folders are not ours."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "flight.mcap"
         landing = land_quietly(replace(flight, log=None if flight.log is None else path))
-        return _Answer(source_digest(), landing, path.read_bytes() if path.exists() else None)
+        return source_digest(), landing, path.read_bytes() if path.exists() else None

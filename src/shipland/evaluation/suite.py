@@ -5,7 +5,6 @@ from __future__ import annotations
 import fnmatch
 import hashlib
 import itertools
-import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -13,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from shipland import factories
-from shipland.config import build, packaged_names, packaged_toml, read_toml, require, setting
+from shipland.config import build, packaged_names, packaged_toml, read_toml, require, setting, toml_value
 from shipland.errors import ConfigError
 from shipland.factories import Factory
 from shipland.former import as_before
@@ -205,11 +204,6 @@ def combinations(changes: Sequence[str]) -> list[tuple[tuple[str, str], ...]]:
 
 
 def text_of(value: object) -> str:
-    """A TOML value as `--set` takes it."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, list):
-        return f"[{', '.join(json.dumps(item) if isinstance(item, str) else text_of(item) for item in value)}]"
-    if isinstance(value, str) and setting(f"key={value}")[1] != [value]:
-        return json.dumps(value)  # quotes that keep it one string
-    return str(value)
+    """A TOML value as `--set` takes it; quotes only where they keep it one string."""
+    bare = isinstance(value, str) and setting(f"key={value}")[1] == [value]
+    return str(value) if bare else toml_value(value)

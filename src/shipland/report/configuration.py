@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-import json
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
@@ -13,7 +12,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from shipland.config import bounds_of, defaults, fields_of, merge, plain, stated
+from shipland.config import bounds_of, defaults, fields_of, merge, plain, stated, toml_value
 from shipland.descriptions import unit_of
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_layers
 
@@ -173,12 +172,3 @@ def markdown_tables(settings: Iterable[Setting]) -> str:
             cells = (value, setting.unit, setting.bounds, setting.meaning, setting.source)
             lines.append(f"| `{setting.name}` | " + " | ".join(cell.replace("|", "&#124;") for cell in cells) + " |")
     return "\n".join(lines)
-
-
-def toml_value(value: Any) -> str:  # noqa: ANN401 - of any TOML type
-    """A value as TOML writes it, in one line."""
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {toml_value(item)}" for key, item in value.items()) + " }" if value else "{}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(toml_value, value)) + "]"
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str | bool) else str(value)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import enum
+import json
 import re
 from collections import Counter
 from pathlib import Path
@@ -130,16 +130,7 @@ def _largest(values: Array) -> float | None:
     return float(finite.max()) if finite.size else None
 
 
-def _plain(value: Any) -> Any:  # noqa: ANN401 - values of any kind come in
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {each.name: _plain(getattr(value, each.name)) for each in dataclasses.fields(value)}
-    if isinstance(value, dict):
-        return {str(key.value if isinstance(key, enum.Enum) else key): _plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray | list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
-    if isinstance(value, float | np.floating):
-        number = round(float(value), _DIGITS) + 0.0  # no -0.0
-        return number if np.isfinite(number) else None
-    return int(value) if isinstance(value, np.integer) else value
+def _plain(value: object) -> Any:  # noqa: ANN401 - JSON
+    """Of dataclasses and arrays too: floats rounded, without -0.0, and what is not finite None."""
+    text = json.dumps(value, default=lambda it: vars(it) if dataclasses.is_dataclass(it) else it.tolist())
+    return json.loads(text, parse_float=lambda it: round(float(it), _DIGITS) + 0.0, parse_constant=lambda _: None)

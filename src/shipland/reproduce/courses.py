@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
+import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from shipland.evaluation.job import FlightJob, land_quietly
@@ -17,7 +18,7 @@ from shipland.record.reader import FlightLog, read_log
 from shipland.report.landing_plots import draw_touchdowns, touchdowns_of
 from shipland.reproduce.flight_figures import draw_above, draw_key, tracks_of
 from shipland.rig import Rig
-from shipland.scenario.scenario import load_scenario, scenario_table
+from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
 
 COURSES = {"straight": "straight", "s": "S, turns of 130°", "turn90": "90° turn"}
 SPEEDS_MPS = (0.5, 1.5, 2.5, 3.5, 4.5)
@@ -29,7 +30,7 @@ FROM = ("start.distance_m=100", "start.height_m=12", "ship.course.start_s=10")
 _DPI = 80
 
 
-def courses(path: Path, progress: Callable[[str], None]) -> str:
+def courses(path: Path, _: Scenario) -> str:
     """Fly a landing on each course at each speed and draw them; the figures as a table."""
     logs: list[FlightLog] = []
     landings: list[Landing] = []
@@ -42,7 +43,7 @@ def courses(path: Path, progress: Callable[[str], None]) -> str:
         for course, words in COURSES.items():
             of_course = []
             for seed, speed_mps in enumerate(SPEEDS_MPS, start=1):
-                progress(f"{words}, {speed_mps:g} m/s")
+                print(f"{words}, {speed_mps:g} m/s", file=sys.stderr, flush=True)
                 settings = (*FROM, f"ship.course.kind={course}", f"ship.course.speed_mps={speed_mps:g}")
                 scenario = load_scenario(scenario_table(SCENARIO, None, settings))
                 log = Path(folder) / f"{course}.mcap" if speed_mps == SHOWN_MPS else None

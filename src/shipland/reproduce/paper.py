@@ -79,7 +79,7 @@ def run_paper(out: Path, only: FigureName | None, flights: Path | None, runs: in
     scenario = load_scenario(scenario_table("near"))
     names = (only,) if only else [name for name in get_args(FigureName) if name != "touchdowns" or runs]
     figures = dict(_FIGURES)
-    figures["touchdowns"] = partial(_touchdowns, runs=runs or PUBLISHED_RUNS)
+    figures["touchdowns"] = partial(touchdowns, runs=runs or PUBLISHED_RUNS)
     texts = []
     for number, name in enumerate(names, start=1):
         _progress(f"{number} of {len(names)}: {name} …")
@@ -102,14 +102,6 @@ def _written(folder: Path) -> set[tuple[Path, int]]:
 def _progress(words: str) -> None:
     """A line for who waits; not in the table."""
     print(words, file=sys.stderr, flush=True)
-
-
-def _touchdowns(path: Path, scenario: Scenario, *, runs: int) -> str:  # noqa: ARG001 - one signature for all
-    return touchdowns(path, runs, _progress)
-
-
-def _courses(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one signature for all
-    return courses(path, _progress)
 
 
 def _roll_law(path: Path, scenario: Scenario) -> str:
@@ -293,5 +285,5 @@ _FIGURES: dict[str, Callable[[Path, Scenario], str]] = {
     "far-readings": _far_readings,
     "derivative-gain": _derivative_gain,
     "near-false": _near_false,
-    "courses": _courses,
+    "courses": courses,
 }

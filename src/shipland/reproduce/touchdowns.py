@@ -6,7 +6,7 @@ on each.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,14 +17,14 @@ from shipland.evaluation.tally import Tally
 from shipland.report.campaign import deck_trace
 from shipland.report.landing_plots import plot_instants, plot_touchdowns, touchdowns_of
 from shipland.report.outputs import OutputParameters
-from shipland.scenario.scenario import load_scenario, scenario_table
+from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
 
 PUBLISHED_RUNS = 50
 MOTIONS = {"rig-sea6": "frigate, sea state 6", "rig-natops": "NATOPS limits"}
 PILOT, VISION = "horizon", "geometric"
 
 
-def touchdowns(path: Path, runs: int, progress: Callable[[str], None]) -> str:
+def touchdowns(path: Path, _: Scenario, *, runs: int) -> str:
     """Fly `runs` landings on each motion and draw them; the figures as a table.
 
     Leaves NAME-SCENARIO.png, the deck's coordinates at each touchdown, and landing-points-SCENARIO.png beside it.
@@ -34,7 +34,7 @@ def touchdowns(path: Path, runs: int, progress: Callable[[str], None]) -> str:
         scenario = load_scenario(scenario_table(name, None, ("ship.same_motion=true",)))
         landings = []
         for seed in range(1, runs + 1):
-            progress(f"{words}: flight {seed} of {runs}")
+            print(f"{words}: flight {seed} of {runs}", file=sys.stderr, flush=True)
             landings.append(land_quietly(FlightJob(scenario, PILOT, VISION, seed)))
         instants_s = np.array([landing.instant_s if landing.touched else np.nan for landing in landings])
         met = replace(touchdowns_of(landings), t_s=instants_s)

@@ -37,9 +37,10 @@ class FrameServer(AbstractContextManager["FrameServer"]):
 
     def __init__(self, scenario: Scenario, seed: int, host: str, port: int, pictures: bool) -> None:
         context = multiprocessing.get_context("spawn")  # an OpenGL context does not survive a fork
-        self._listener = socket.create_server((host, port)) if _is_free(host, port) else None
-        if self._listener is None:
-            raise VehicleError(f"cannot listen on {host}:{port}: the port is taken")
+        try:
+            self._listener = socket.create_server((host, port))
+        except OSError:
+            raise VehicleError(f"cannot listen on {host}:{port}: the port is taken") from None
         near, far = context.Pipe(duplex=False)
         self._link = far
         self._process = context.Process(
@@ -56,8 +57,7 @@ class FrameServer(AbstractContextManager["FrameServer"]):
         self._process.kill()
         self._process.join()
         self._link.close()
-        if self._listener is not None:
-            self._listener.close()
+        self._listener.close()
 
     def show(self, t_s: float, snapshot: Snapshot) -> None:
         """An exposure at the served clock's `t_s`."""
@@ -70,16 +70,6 @@ class FrameServer(AbstractContextManager["FrameServer"]):
             self._ended = True
             with suppress(OSError):
                 self._link.send(verdict)
-
-
-def _is_free(host: str, port: int) -> bool:
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host, port))
-        except OSError:
-            return False
-    return True
 
 
 def _serve_frames(link: Connection, listener: socket.socket, scenario: Scenario, seed: int, pictures: bool) -> None:

@@ -78,6 +78,7 @@ class PictureSource(Protocol):
 
     def verdict(self) -> TouchdownVerdict | None:
         """The touchdown, from a source that knows it."""
+        return None
 
 
 class CameraStream:
@@ -241,7 +242,7 @@ class ExposureClock:
         return offset_s < median_s - max(_LEAST_GATE_S, 3.0 * (median_s - quick_s))
 
 
-class VideoSource:
+class VideoSource(PictureSource):
     """A stream, a device or a file by PyAV, or a GStreamer pipeline by OpenCV.
 
     Args:
@@ -282,10 +283,6 @@ class VideoSource:
     def close(self) -> None:
         """See `PictureSource`."""
         self._closed = True
-
-    def verdict(self) -> TouchdownVerdict | None:
-        """Nobody knows."""
-        return None
 
     def _decoded(self) -> Iterator[tuple[npt.NDArray[np.uint8], float | None]]:
         require("film", f"camera {self._url}", VehicleError)

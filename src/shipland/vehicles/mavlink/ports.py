@@ -38,7 +38,19 @@ class Port(Protocol):
         """Let go."""
 
 
-class UdpPort:
+class _SocketPort:
+    _socket: socket.socket
+
+    def fileno(self) -> int:
+        """See `Port`."""
+        return self._socket.fileno()
+
+    def close(self) -> None:
+        """See `Port`."""
+        self._socket.close()
+
+
+class UdpPort(_SocketPort):
     """UDP; `listen` binds the address and hears anyone, otherwise the address is the only one that is heard."""
 
     stream = False
@@ -54,10 +66,6 @@ class UdpPort:
             raise VehicleError(f"cannot {verb} {host}:{port}: {error.strerror}") from None
         self._socket.setblocking(False)
 
-    def fileno(self) -> int:
-        """See `Port`."""
-        return self._socket.fileno()
-
     def receive(self) -> tuple[bytes, Sender] | None:
         """See `Port`."""
         with contextlib.suppress(BlockingIOError, ConnectionError):  # refused: no listener yet
@@ -71,12 +79,8 @@ class UdpPort:
         elif to is not None:
             self._socket.sendto(data, to)
 
-    def close(self) -> None:
-        """See `Port`."""
-        self._socket.close()
 
-
-class TcpPort:
+class TcpPort(_SocketPort):
     """TCP to a listening autopilot or bridge."""
 
     stream = True
@@ -90,10 +94,6 @@ class TcpPort:
         self._socket.settimeout(_SEND_S)
         self._sender = (host, port)
 
-    def fileno(self) -> int:
-        """See `Port`."""
-        return self._socket.fileno()
-
     def receive(self) -> tuple[bytes, Sender] | None:
         """See `Port`."""
         with contextlib.suppress(TimeoutError):
@@ -105,10 +105,6 @@ class TcpPort:
     def send(self, data: bytes, to: Sender | None) -> None:  # noqa: ARG002 - one fixed end
         """See `Port`."""
         self._socket.sendall(data)
-
-    def close(self) -> None:
-        """See `Port`."""
-        self._socket.close()
 
 
 class SerialPort:

@@ -90,7 +90,6 @@ class AutopilotState:
         trips_s: the last round trips.
         attitude_t_s: when the attitude was true.
         roll_rad, pitch_rad, heading_rad: attitude.
-        rates_rad_s: body rates.
         velocity_t_s: when position and velocity were true.
         velocity_in_ned_mps: over ground.
         north_m, east_m, down_m: from the autopilot's origin.
@@ -122,7 +121,6 @@ class AutopilotState:
     roll_rad: float = math.nan
     pitch_rad: float = math.nan
     heading_rad: float = math.nan
-    rates_rad_s: Vector = (math.nan, math.nan, math.nan)
     velocity_t_s: float = math.nan
     velocity_in_ned_mps: Vector = (math.nan, math.nan, math.nan)
     north_m: float = math.nan
@@ -228,7 +226,6 @@ def _attitude(state: AutopilotState, it: Any, received_s: float) -> AutopilotSta
     state, t_s = _clock(state, it.time_boot_ms, received_s)
     return replace(
         state, attitude_t_s=t_s, roll_rad=it.roll, pitch_rad=it.pitch, heading_rad=wrap_angle(it.yaw),
-        rates_rad_s=(it.rollspeed, it.pitchspeed, it.yawspeed),
     )  # fmt: skip
 
 

@@ -9,8 +9,7 @@ from typing import Any
 
 from shipland.camera import Camera
 from shipland.errors import DataError, VehicleError
-from shipland.messages import TouchdownVerdict
-from shipland.vehicles.camera_stream import ExposureClock, StreamedPicture
+from shipland.vehicles.camera_stream import ExposureClock, PictureSource, StreamedPicture
 from shipland.vehicles.ros2.conversions import seconds
 from shipland.vehicles.ros2.image_messages import image_of
 
@@ -30,7 +29,7 @@ def ours_s(stamp_s: float) -> float | None:
     return time.monotonic() - max(age_s, 0.0) if -_AHEAD_S <= age_s <= _OLDEST_S else None
 
 
-class TopicPictures:
+class TopicPictures(PictureSource):
     """A `PictureSource` that is fed from the node's thread by `take`.
 
     Args:
@@ -84,10 +83,6 @@ class TopicPictures:
         with self._changed:
             self._closed = True
             self._changed.notify_all()
-
-    def verdict(self) -> TouchdownVerdict | None:
-        """None: a topic knows of no touchdown."""
-        return None
 
     def _exposed_s(self, stamp_s: float, arrived_s: float) -> float | None:
         if self._clock is not None:
