@@ -15,7 +15,7 @@ from pictures import write_film
 from shipland.camera import Camera
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation.job import FlightJob, land_once
-from shipland.evaluation.replays import recorded_film, recorded_flight, replay
+from shipland.evaluation.replays import differences, recorded_film, recorded_flight, replay
 from shipland.record.writer import LogWriter
 from shipland.report.outputs import OutputParameters
 from shipland.report.viewer import Viewer
@@ -34,20 +34,20 @@ def log(tmp_path_factory):
 def test_the_same_crew_sees_and_decides_the_same(log):
     recording = recorded_flight(log)
     replayed = replay(recording)
-    assert len(replayed.pairs) == len(recording.records) > 80
-    assert sum(pair.after.observation.bar_pose is not None for pair in replayed.pairs) > 10
-    assert np.nanmax([pair.pose_m for pair in replayed.pairs]) < 1e-9
-    assert max(pair.stick_percent for pair in replayed.pairs) < 1e-9
-    assert "modes differ in 0 cycles" in list(replayed.words())
+    assert len(replayed) == len(recording.records) > 80
+    assert sum(pair.after.observation.bar_pose is not None for pair in replayed) > 10
+    assert np.nanmax([pair.pose_m for pair in replayed]) < 1e-9
+    assert max(pair.stick_percent for pair in replayed) < 1e-9
+    assert "modes differ in 0 cycles" in list(differences(replayed))
 
 
 def test_another_pilot_and_other_settings_differ(log):
     other = replay(recorded_flight(log, "paper"))
-    assert max(pair.stick_percent for pair in other.pairs) > 5.0
-    assert not any("more than 5 % in 0 cycles" in line for line in other.words())
+    assert max(pair.stick_percent for pair in other) > 5.0
+    assert not any("more than 5 % in 0 cycles" in line for line in differences(other))
     blind = replay(recorded_flight(log, changes=("geometric.max_range_m=1.0",)))
-    assert all(pair.after.observation.bar_pose is None for pair in blind.pairs)
-    (line,) = [line for line in blind.words() if "in one of the two only" in line]
+    assert all(pair.after.observation.bar_pose is None for pair in blind)
+    (line,) = [line for line in differences(blind) if "in one of the two only" in line]
     assert int(line.rpartition(" ")[2]) > 10
 
 
@@ -62,10 +62,10 @@ def test_a_film_is_seen_and_decided_on(tmp_path):
     rows = []
     scenario = load_scenario("near", delays={"processing": "zero"})
     replayed = replay(recorded_film(path, scenario, "paper", "rendered", -5.0), rows.append)
-    assert list(replayed.words()) == ["5 cycles; the bar's pose found in 0"]
+    assert list(differences(replayed)) == ["5 cycles; the bar's pose found in 0"]
     assert len(rows) == 5
     assert rows[0].frame.image is not None
-    assert replayed.pairs[0].after.frame.image is None  # a film is not kept in memory
+    assert replayed[0].after.frame.image is None  # a film is not kept in memory
 
 
 @pytest.mark.parametrize(("size", "words"), [((640, 360), ""), ((640, 480), "give its own with --calibration")])
@@ -127,7 +127,7 @@ def test_code_that_a_log_names_runs_only_when_the_user_names_it(own_code, tmp_pa
     with pytest.raises(ConfigError, match=rf"names code as its {option}.*give --{option} {name} to run it"):
         recorded_flight(log)
     assert not own_code()
-    assert len(replay(recorded_flight(log, **{option: name})).pairs) == 3
+    assert len(replay(recorded_flight(log, **{option: name}))) == 3
     assert own_code()
 
 

@@ -16,26 +16,11 @@ from shipland.errors import ShiplandError
 from shipland.extras import EXTRAS, installed
 
 State = Literal["ok", "-", "FAIL"]
+"""ok; `-` for what flying in the simulator does without; FAIL for what it needs."""
+Finding = tuple[State, str, str]
+"""One line: its state, what was looked at, what was found and what to do."""
 _AUTOPILOTS = {"ArduCopter": "SHIPLAND_ARDUCOPTER", "PX4": "SHIPLAND_PX4"}
 _LEAST_FREE_GB = 1.0
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One line.
-
-    Attributes:
-        state: ok; `-` for what flying in the simulator does without; FAIL for what it needs.
-        name: what was looked at.
-        words: what was found, and what to do.
-    """
-
-    state: State
-    name: str
-    words: str
-
-    def __str__(self) -> str:
-        return f"{self.state:<4}  {self.name:<14} {self.words}"
 
 
 @dataclass(frozen=True)
@@ -52,9 +37,9 @@ class Doctor:
         """Look at everything."""
         failed = False
         for look in _LOOKS:
-            for finding in look():
-                failed |= finding.state == "FAIL"
-                print(finding, flush=True)
+            for state, name, words in look():
+                failed |= state == "FAIL"
+                print(f"{state:<4}  {name:<14} {words}", flush=True)
         return int(failed)
 
 
@@ -62,11 +47,11 @@ def _machine() -> Iterator[Finding]:
     from shipland.version import code_version
 
     cores = len(os.sched_getaffinity(0))
-    yield Finding("ok", "shipland", f"{code_version()}, Python {platform.python_version()}, {platform.machine()}")
-    yield Finding("ok", "cores", f"{cores}: shipland campaign --workers {cores}")
+    yield "ok", "shipland", f"{code_version()}, Python {platform.python_version()}, {platform.machine()}"
+    yield "ok", "cores", f"{cores}: shipland campaign --workers {cores}"
     free_gb = shutil.disk_usage(".").free / 1e9
     state: State = "ok" if free_gb >= _LEAST_FREE_GB else "-"
-    yield Finding(state, "disk", f"{free_gb:.0f} GB free here; a rendered flight leaves 25 MB")
+    yield state, "disk", f"{free_gb:.0f} GB free here; a rendered flight leaves 25 MB"
 
 
 def _opengl() -> Iterator[Finding]:
@@ -75,12 +60,12 @@ def _opengl() -> Iterator[Finding]:
     try:
         context = open_context()
     except ShiplandError as error:
-        yield Finding("FAIL", "OpenGL", str(error))
+        yield "FAIL", "OpenGL", str(error)
         return
     renderer = str(context.info["GL_RENDERER"])
     context.release()
     on = "on the processor" if "llvmpipe" in renderer else "on the GPU"
-    yield Finding("ok", "OpenGL", f"off screen, {on}: {renderer}")
+    yield "ok", "OpenGL", f"off screen, {on}: {renderer}"
 
 
 def _compiled() -> Iterator[Finding]:
@@ -88,11 +73,11 @@ def _compiled() -> Iterator[Finding]:
 
     folder = compiled.cache_folder(Path(compiled.__file__).parent)
     if folder is None:
-        yield Finding("-", "compiled", "no cache folder can be written, each process compiles; set NUMBA_CACHE_DIR")
+        yield "-", "compiled", "no cache folder can be written, each process compiles; set NUMBA_CACHE_DIR"
     elif compiled.is_compiled():
-        yield Finding("ok", "compiled", f"machine code in {folder}")
+        yield "ok", "compiled", f"machine code in {folder}"
     else:
-        yield Finding("-", "compiled", "not yet: the first flight takes about a minute longer")
+        yield "-", "compiled", "not yet: the first flight takes about a minute longer"
 
 
 def _detectors() -> Iterator[Finding]:
@@ -103,27 +88,27 @@ def _detectors() -> Iterator[Finding]:
         try:
             network = Detector.load(kind, DetectorParameters()).reader.network
         except ShiplandError as error:
-            yield Finding("FAIL", f"detector {kind}", str(error))
+            yield "FAIL", f"detector {kind}", str(error)
         else:
-            yield Finding("ok", f"detector {kind}", network.description)
+            yield "ok", f"detector {kind}", network.description
 
 
 def _extras() -> Iterator[Finding]:
     for name, extra in EXTRAS.items():
         here = installed(name)
         words = extra.use if here else f"{extra.use}: pip install 'shipland[{name}]'"
-        yield Finding("ok" if here else "-", f"extra {name}", words)
+        yield "ok" if here else "-", f"extra {name}", words
 
 
 def _autopilots() -> Iterator[Finding]:
     for name, variable in _AUTOPILOTS.items():
         path = os.environ.get(variable, "")
         if not path:
-            yield Finding("-", name, f"{variable} names no binary; only its simulator needs one (Fly SITL)")
+            yield "-", name, f"{variable} names no binary; only its simulator needs one (Fly SITL)"
         elif not os.access(path, os.X_OK) or Path(path).is_dir():
-            yield Finding("-", name, f"{variable}: {path} is no program that can be run")
+            yield "-", name, f"{variable}: {path} is no program that can be run"
         else:
-            yield Finding("ok", name, path)
+            yield "ok", name, path
 
 
 def _priority() -> Iterator[Finding]:
@@ -132,10 +117,10 @@ def _priority() -> Iterator[Finding]:
     # in a process of its own, which takes the priority with it
     done = subprocess.run([sys.executable, "-c", tried], check=False, timeout=60)  # noqa: S603
     if done.returncode == 0:
-        yield Finding("ok", "priority", "set-points may leave before other processes' work")
+        yield "ok", "priority", "set-points may leave before other processes' work"
         return
     user = os.environ.get("USER", "you")
-    yield Finding(
+    yield (
         "-",
         "priority",
         "without the privilege a busy machine delays set-points to a vehicle; add to /etc/security/limits.conf: "

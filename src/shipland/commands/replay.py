@@ -13,7 +13,7 @@ import tyro
 from shipland.commands.options import ScenarioOptions, command_line
 
 if TYPE_CHECKING:
-    from shipland.evaluation.replays import Recording, Replayed
+    from shipland.evaluation.replays import Pair, Recording
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,10 @@ class Replay(ScenarioOptions):
 
     def run(self) -> int:
         """Replay and print what differs; 1 where the log breaks off."""
+        from shipland.evaluation.replays import differences
+
         recording = self._recording()
-        for line in self._replayed(recording).words():
+        for line in differences(self._replayed(recording)):
             print(line)
         written = [str(path) for path in (self.out, self.viewer_file) if path is not None]
         if written:
@@ -60,7 +62,7 @@ class Replay(ScenarioOptions):
             )
         return 0 if recording.complete else 1
 
-    def _replayed(self, recording: Recording) -> Replayed:
+    def _replayed(self, recording: Recording) -> list[Pair]:
         from shipland.evaluation.replays import replay
         from shipland.report.viewer import Viewer
         from shipland.scenario.fly import flight_log

@@ -53,33 +53,27 @@ class Pair:
     stick_percent: float
 
 
-@dataclass(frozen=True)
-class Replayed:
-    """A recording that was flown again, the sticks moving nothing."""
-
-    pairs: tuple[Pair, ...]
-
-    def words(self) -> Iterator[str]:
-        """What differs, a line each."""
-        n = len(self.pairs)
-        seen = sum(pair.after.observation.bar_pose is not None for pair in self.pairs)
-        yield f"{n} cycles; the bar's pose found in {seen}"
-        if not n or self.pairs[0].before is None:
-            return
-        recorded = sum(pair.before is not None and pair.before.observation.bar_pose is not None for pair in self.pairs)
-        both_m = [pair.pose_m for pair in self.pairs if math.isfinite(pair.pose_m)]
-        yield f"recorded in {recorded}; in one of the two only: {sum(math.isinf(it.pose_m) for it in self.pairs)}"
-        if both_m:
-            far = [pair for pair in self.pairs if math.isfinite(pair.pose_m) and pair.pose_m > POSE_M]
-            middle = f"poses differ by {np.median(both_m):.4f} m in the median, {max(both_m):.4f} m at most"
-            yield f"{middle}; {_first(far, 'm')}"
-        sticks = [pair.stick_percent for pair in self.pairs if math.isfinite(pair.stick_percent)]
-        far = [pair for pair in self.pairs if pair.stick_percent > STICK_PERCENT]
-        middle = f"sticks differ by {np.median(sticks):.2f} % in the median, {max(sticks):.2f} % at most"
-        yield f"{middle}; {_first(far, '%')}"
-        modes = [it for it in self.pairs if it.before and it.before.decision.mode is not it.after.decision.mode]
-        first = f", first at {modes[0].after.telemetry.t_s:.2f} s" if modes else ""
-        yield f"modes differ in {len(modes)} cycles{first}"
+def differences(pairs: Sequence[Pair]) -> Iterator[str]:
+    """What differs, a line each."""
+    n = len(pairs)
+    seen = sum(pair.after.observation.bar_pose is not None for pair in pairs)
+    yield f"{n} cycles; the bar's pose found in {seen}"
+    if not n or pairs[0].before is None:
+        return
+    recorded = sum(pair.before is not None and pair.before.observation.bar_pose is not None for pair in pairs)
+    both_m = [pair.pose_m for pair in pairs if math.isfinite(pair.pose_m)]
+    yield f"recorded in {recorded}; in one of the two only: {sum(math.isinf(it.pose_m) for it in pairs)}"
+    if both_m:
+        far = [pair for pair in pairs if math.isfinite(pair.pose_m) and pair.pose_m > POSE_M]
+        middle = f"poses differ by {np.median(both_m):.4f} m in the median, {max(both_m):.4f} m at most"
+        yield f"{middle}; {_first(far, 'm')}"
+    sticks = [pair.stick_percent for pair in pairs if math.isfinite(pair.stick_percent)]
+    far = [pair for pair in pairs if pair.stick_percent > STICK_PERCENT]
+    middle = f"sticks differ by {np.median(sticks):.2f} % in the median, {max(sticks):.2f} % at most"
+    yield f"{middle}; {_first(far, '%')}"
+    modes = [it for it in pairs if it.before and it.before.decision.mode is not it.after.decision.mode]
+    first = f", first at {modes[0].after.telemetry.t_s:.2f} s" if modes else ""
+    yield f"modes differ in {len(modes)} cycles{first}"
 
 
 def _first(far: Sequence[Pair], unit: str) -> str:
@@ -236,7 +230,7 @@ def recorded_film(
     return Recording(vehicle, scenario, pilot, vision)
 
 
-def replay(recording: Recording, on_cycle: Callable[[FlightRecord], object] = lambda _: None) -> Replayed:
+def replay(recording: Recording, on_cycle: Callable[[FlightRecord], object] = lambda _: None) -> list[Pair]:
     """Run vision and pilot over a recording, which is used up; `on_cycle` sees every replayed row.
 
     Raises:
@@ -252,7 +246,7 @@ def replay(recording: Recording, on_cycle: Callable[[FlightRecord], object] = la
         on_cycle(after)
         kept = replace(after, frame=replace(after.frame, image=None))
         pairs.append(_pair(rows.get(after.frame.t_s), kept))
-    return Replayed(tuple(pairs))
+    return pairs
 
 
 def _anew(recording: Recording, autonomy: Autonomy) -> Iterator[FlightRecord]:

@@ -115,16 +115,11 @@ def step_figures(t_s: Array, error_px: Array) -> StepFigures:
     )
 
 
-@dataclass(frozen=True)
-class Ultimate:
-    """Where a proportional stick no longer settles at 100 m: gain [percent per px] and period [s]."""
+def ultimate(axis: int, low: float, high: float) -> tuple[float, float]:
+    """Gain [percent per px] and period [s] with which a proportional stick no longer settles at 100 m.
 
-    gain: float
-    period_s: float
-
-
-def ultimate(axis: int, low: float, high: float) -> Ultimate:
-    """Bisect for it, for roll (`axis` 0) or heave (1), between a gain that settles and one that does not."""
+    By bisection, for roll (`axis` 0) or heave (1), between a gain that settles and one that does not.
+    """
     off = {"k_p": 0.0, "t_i_s": 1e9, "t_d_s": 0.0}
     period_s = math.nan
     while high - low > 0.05 * high:
@@ -141,7 +136,7 @@ def ultimate(axis: int, low: float, high: float) -> Ultimate:
             high, period_s = gain, _period_s(trace.t_s[late], error_px)
         else:
             low = gain
-    return Ultimate(high, period_s)
+    return high, period_s
 
 
 def _period_s(t_s: Array, values: Array) -> float:

@@ -130,7 +130,7 @@ def _derivative_gain(path: Path, scenario: Scenario) -> str:
 
 
 def _far_steps(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one signature for all
-    roll, heave = ultimate(0, 0.8, 1.6), ultimate(1, 8.0, 16.0)
+    (roll, roll_s), (heave, heave_s) = ultimate(0, 0.8, 1.6), ultimate(1, 8.0, 16.0)
     shown: dict[str, dict[str, FarTrace]] = {"100 m, still air": {}, "60 m, still air": {}}
     sideways: list[list[str]] = []
     vertical: list[list[str]] = []
@@ -151,8 +151,8 @@ def _far_steps(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one sig
         [
             f"Settled: within {100.0 * SETTLED_SHARE:.0f} % of the step from then on. Steady error and swing: mean, "
             f"and highest minus lowest, over the last {LATE_S:.0f} of {STEP_S:.0f} s.",
-            f"A proportional stick no longer settles at 100 m from {roll.gain:.2f} % per px in roll (period "
-            f"{roll.period_s:.1f} s) and {heave.gain:.1f} % per px in heave ({heave.period_s:.1f} s).",
+            f"A proportional stick no longer settles at 100 m from {roll:.2f} % per px in roll (period "
+            f"{roll_s:.1f} s) and {heave:.1f} % per px in heave ({heave_s:.1f} s).",
             "### Sideways",
             _table(head, sideways),
             "### Vertical",
