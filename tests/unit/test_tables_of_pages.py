@@ -26,7 +26,7 @@ TYPED = {
 UNMEASURED = frozenset(
     """
     speed_peers
-    consistency clock pose_error film_errors frigate_recall
+    clock pose_error film_errors frigate_recall
     confirmation published_gains moment margins ablation winds measurements faults full hazards
     frigate wake headline far_rendered frigate_rendered policies envelope
     """.split()  # noqa: SIM905
