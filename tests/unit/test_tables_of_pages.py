@@ -26,8 +26,8 @@ TYPED = {
 UNMEASURED = frozenset(
     """
     speed_peers
-    clock pose_error film_errors frigate_recall
-    confirmation published_gains moment margins winds measurements faults full hazards
+    pose_error film_errors frigate_recall
+    confirmation published_gains margins winds measurements faults full hazards
     frigate wake headline far_rendered frigate_rendered policies envelope
     """.split()  # noqa: SIM905
 )
