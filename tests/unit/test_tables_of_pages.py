@@ -27,7 +27,7 @@ UNMEASURED = frozenset(
     """
     speed_peers
     pose_error film_errors frigate_recall
-    confirmation published_gains margins winds measurements faults full hazards
+    published_gains margins winds measurements faults full hazards
     frigate wake headline far_rendered frigate_rendered policies envelope
     """.split()  # noqa: SIM905
 )
