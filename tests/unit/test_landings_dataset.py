@@ -70,5 +70,5 @@ def test_parquet_holds_the_same_rows(folder, tmp_path):
 
 
 def test_a_folder_without_flights_is_refused(tmp_path):
-    with pytest.raises(DataError, match="neither a campaign .* nor logs"):
+    with pytest.raises(DataError, match=r"neither a campaign .* nor logs"):
         write_dataset(tmp_path, tmp_path / "set", HERE)
