@@ -82,9 +82,10 @@ def write_dataset(
         SystemLibraryError: an extra is missing.
     """
     logs = {str(log.relative_to(folder).with_suffix("")): log for log in sorted(folder.rglob("*.mcap"))}
-    cells = read_cells([folder]) if cells_file(folder).is_file() else []
-    if not (logs or cells_file(folder).is_file()):
+    flown = cells_file(folder).is_file()
+    if not (flown or logs):
         raise DataError(f"{folder} holds neither a campaign (cells.json) nor logs of flights (*.mcap)")
+    cells = read_cells([folder]) if flown else []
     if cells:
         if not any(cell.landings for cell in cells):
             raise DataError(f"{folder} holds no flights yet")

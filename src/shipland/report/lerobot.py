@@ -20,11 +20,10 @@ import numpy.typing as npt
 from shipland.errors import DataError
 from shipland.extras import require
 from shipland.files import json_bytes, write_atomically
-from shipland.record.foxglove_scene import nanoseconds
 from shipland.record.observations import Observer, flat_names
 from shipland.record.reader import read_log
+from shipland.report.posed_pictures import pictures_of
 from shipland.report.video import VideoParameters, VideoWriter
-from shipland.vision.log_pictures import read_pictures
 
 _FILM = "observation.images.camera"
 _PATH = "chunk-{chunk_index:03d}/file-{file_index:03d}"
@@ -50,7 +49,7 @@ class _Flight:
         t_s: (n,) exposure times.
         state: (n,48) flat observations.
         action: (n,4) sticks sent, -1 … 1.
-        pictured: of each picture in the log, by its exposure time [ns], its cycle.
+        pictured: the cycle of each picture in the log.
         shape: of a picture, with even sides as H.264 wants them; zeros without one.
     """
 
@@ -61,7 +60,7 @@ class _Flight:
     t_s: npt.NDArray[np.float64]
     state: npt.NDArray[np.float32]
     action: npt.NDArray[np.float32]
-    pictured: dict[int, int]
+    pictured: list[int]
     shape: tuple[int, int, int]
 
 
@@ -83,7 +82,7 @@ def write_lerobot(logs: Mapping[str, Path], root: Path) -> None:
         require("film", "LeRobot's layout of flights with pictures")
         if odd := next((flight for flight in flights if flight.shape != flights[0].shape), None):
             raise DataError(f"pictures of {odd.path} are of another size than {flights[0].path}'s: give those of one")
-    taken = [np.array(list(it.pictured.values() if filmed else range(len(it.t_s)))) for it in flights]
+    taken = [np.array(it.pictured if filmed else range(len(it.t_s))) for it in flights]
     times_s = [flight.t_s[cycles] for flight, cycles in zip(flights, taken, strict=True)]
     steps_s = np.concatenate([np.diff(t_s) for t_s in times_s])
     fps = max(1, round(1.0 / float(np.mean(steps_s[steps_s < 1.5 * np.median(steps_s)]))))
@@ -133,18 +132,17 @@ def _read(name: str, path: Path) -> _Flight:
         sent = record.decision.command
         state.append(np.concatenate(list(entries.values())))
         sticks.append([0.01 * percent for percent in sent.sticks_percent])
-    cycles = {nanoseconds(record.frame.t_s): cycle for cycle, record in enumerate(log.records)}
-    pictured, shape = {}, (0, 0, 3)
-    for time_ns, image in read_pictures(path):
-        if time_ns in cycles:
-            pictured[time_ns] = cycles[time_ns]
-            shape = (image.shape[0] // 2 * 2, image.shape[1] // 2 * 2, 3)
+    t_s = np.array([record.frame.t_s for record in log.records], float)
+    pictured, shape = [], (0, 0, 3)
+    for cycle, image in pictures_of(path, t_s):
+        pictured.append(cycle)
+        shape = (image.shape[0] // 2 * 2, image.shape[1] // 2 * 2, 3)
     return _Flight(
         name=name,
         path=path,
         task=f"land on the ship: {log.header.info.scenario}",
         success=log.verdict is not None and log.verdict.success,
-        t_s=np.array([record.frame.t_s for record in log.records], float),
+        t_s=t_s,
         state=np.array(state, np.float32),
         action=np.array(sticks, np.float32),
         pictured=pictured,
@@ -182,9 +180,8 @@ def _write_film(path: Path, flight: _Flight, nearest: npt.NDArray[np.int64], fps
     height_px, width_px, _ = flight.shape
     parameters = VideoParameters(rate_hz=fps, chase_rate_hz=fps, crf=20.0, preset="medium", tune="film")
     writer, tick, thinned = VideoWriter(path, width_px, height_px, parameters, _KEY_FRAMES), 0, []
-    pictures = (image for time_ns, image in read_pictures(flight.path) if time_ns in flight.pictured)
     try:
-        for number, image in enumerate(pictures):
+        for number, (_, image) in enumerate(pictures_of(flight.path, flight.t_s)):
             while tick < len(nearest) and nearest[tick] == number:
                 writer.write(np.ascontiguousarray(image[:height_px, :width_px]), tick / fps)
                 if tick % _EVERY_PICTURE == 0:

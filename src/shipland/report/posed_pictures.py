@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from shipland.frames import euler_from_rotation, quaternion_from_rotation
 from shipland.messages import FlightRecord
 from shipland.record.foxglove_scene import nanoseconds
 from shipland.record.reader import read_log
+from shipland.report.lettering import Image
 from shipland.rig import Rig
 from shipland.vision.log_pictures import read_pictures
 
@@ -56,13 +57,17 @@ def pack_pictures(logs: Mapping[str, Path], path: Path) -> list[dict[str, Any]]:
     return [columns | row for row in rows]
 
 
+def pictures_of(log: Path, exposures_s: Iterable[float]) -> Iterator[tuple[int, Image]]:
+    """The BGR pictures of a log that belong to a cycle, with its number; the cycles are given by their exposures."""
+    cycles = {nanoseconds(t_s): cycle for cycle, t_s in enumerate(exposures_s)}
+    return ((cycles[time_ns], image) for time_ns, image in read_pictures(log) if time_ns in cycles)
+
+
 def _pictures(path: Path) -> Iterator[tuple[bytes, dict[str, Any]]]:
     log = read_log(path)
-    records = {nanoseconds(record.frame.t_s): record for record in log.records}
-    for time_ns, image in read_pictures(path):
-        if time_ns in records:
-            camera = log.header.camera.scaled(image.shape[1], image.shape[0])
-            yield cv2.imencode(".png", image)[1].tobytes(), _posed(records[time_ns], camera, log.header.rig)
+    for cycle, image in pictures_of(path, (record.frame.t_s for record in log.records)):
+        camera = log.header.camera.scaled(image.shape[1], image.shape[0])
+        yield cv2.imencode(".png", image)[1].tobytes(), _posed(log.records[cycle], camera, log.header.rig)
 
 
 def _posed(record: FlightRecord, camera: Camera, rig: Rig) -> dict[str, float]:
