@@ -24,7 +24,7 @@ from shipland.statistics import share_interval
 from shipland.vision.far.decode import PIXEL_CENTRE
 from shipland.vision.far.detector import Detector, Picture
 from shipland.vision.far.far import FarVision
-from shipland.vision.far.parameters import DetectorParameters, detector_parameters
+from shipland.vision.parameters import DetectorParameters, detector_parameters
 from studies.harness import Case, Column, Row, Study, estimate
 
 SETS: dict[str, tuple[str, int, float]] = {

@@ -11,7 +11,6 @@ import numpy as np
 
 from shipland.camera import level_from_camera
 from shipland.frames import Array, Pose, rotation_from_euler
-from shipland.guidance.horizon.descent import LOOK_DOWN_RAD
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig
 from shipland.sim.state import SceneState
@@ -19,6 +18,7 @@ from shipland.vision.near.deck import DeckVision
 from studies.harness import Case, Column, Row, Study
 from studies.views import Setting, bins, lit_scenes
 
+LOOK_DOWN_RAD = -1.48
 HEIGHTS = bins((0.5, 0.65, 0.8, 1.0, 1.2, 1.6))
 LOOKS_A_SCENE = 6
 SEED = 1

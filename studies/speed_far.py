@@ -19,7 +19,7 @@ from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, yolov3_layers
 from shipland.vision.far.decode import Decoding, DetectorSpec
 from shipland.vision.far.detector import Detector
 from shipland.vision.far.layouts import load_reader
-from shipland.vision.far.parameters import Precision, Runtime
+from shipland.vision.parameters import Precision, Runtime
 from studies.harness import Case, Column, Row, Study
 from studies.networks import random_weights, write_cfg, write_weights
 

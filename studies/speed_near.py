@@ -21,13 +21,13 @@ from shipland.camera import Camera, CameraParameters, level_from_camera
 from shipland.frames import Pose
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig
-from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
+from shipland.sim.scene_parameters import SceneParameters
 from shipland.sim.state import SceneState
 from shipland.vision.near import choice, pipeline, pose, published
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision, Steps
 from shipland.vision.near.segment import Window
+from shipland.vision.parameters import VisionParameters
 from studies.harness import Case, Column, Row, Study
 from studies.tags import Peer, Picture, apriltag, aruco, grain, in_picture
 

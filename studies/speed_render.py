@@ -11,8 +11,8 @@ import numpy as np
 from shipland.camera import Camera, CameraParameters
 from shipland.frames import CAMERA_FROM_MOUNT, Pose, rotation_from_euler
 from shipland.rig import Rig
-from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
+from shipland.sim.scene_parameters import SceneParameters
 from shipland.sim.state import SceneState
 from studies.harness import Case, Column, Row, Study
 

@@ -19,10 +19,10 @@ from shipland.config import build
 from shipland.frames import Array, euler_from_rotation
 from shipland.messages import PilotCommand
 from shipland.rig import Rig
-from shipland.sim.air.wind import ShipPlace, SteadyWind
 from shipland.sim.aircraft.parameters import AircraftParameters
 from shipland.sim.ship.ship import Ship, Still, StillCourse
 from shipland.sim.touchdown import VerdictParameters
+from shipland.sim.wind import ShipPlace, SteadyWind
 from shipland.sim.world import StartParameters, World
 from studies.harness import Case, Column, Row, Study
 

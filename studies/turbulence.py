@@ -10,8 +10,8 @@ import numpy as np
 from shipland.config import build
 from shipland.frames import Array
 from shipland.rig import Rig
-from shipland.sim.air.turbulence import Scales
-from shipland.sim.air.wind import ShipPlace, WindParameters, build_wind
+from shipland.sim.turbulence import Scales
+from shipland.sim.wind import ShipPlace, WindParameters, build_wind
 from studies.harness import Case, Column, Row, Study
 
 MEAN_MPS, HEIGHT_M, STEP_S = 5.0, 1.5, 0.1
@@ -96,7 +96,7 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=400_000,
-    measured=("sim/air",),
+    measured=("sim/turbulence.py", "sim/wind.py"),
     minutes=1,
     picture=picture,
 )

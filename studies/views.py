@@ -15,14 +15,14 @@ from shipland.camera import Camera, CameraParameters, level_from_camera
 from shipland.frames import Array, Pose, rotation_from_euler
 from shipland.messages import BarPose, Frame, GimbalAttitude
 from shipland.rig import Rig
-from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
+from shipland.sim.scene_parameters import SceneParameters
 from shipland.sim.state import SceneState
 from shipland.vision.near.covariance import covariance_in_bar
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
 from shipland.vision.near.planar_pose import Corners, LevelPrior, bound
 from shipland.vision.near.published import published_vision
+from shipland.vision.parameters import VisionParameters
 from studies.harness import Column
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from scipy.optimize import brentq
 
 from shipland.scenario.scenario import load_scenario
-from shipland.sim.air.wind import WindReadings
+from shipland.sim.wind import WindReadings
 from studies.harness import Case, Column, Row, Study
 
 SAID_MPS = 9.0
@@ -45,6 +45,6 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=1,
-    measured=("sim/air", "rig.py"),
+    measured=("sim/turbulence.py", "sim/wind.py", "rig.py"),
     minutes=0.1,
 )

@@ -99,8 +99,8 @@ def _fly():
 
 def _see():
     from pictures import Look, bar_picture, camera_from_bar
-    from shipland.vision.near.parameters import VisionParameters
     from shipland.vision.near.pipeline import NearVision
+    from shipland.vision.parameters import VisionParameters
 
     cue, camera, rng = Rig().cue, Camera.from_fov(640, 360, 69.0), np.random.default_rng(1)
     vision = NearVision(cue, camera, VisionParameters())

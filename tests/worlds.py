@@ -11,12 +11,12 @@ from shipland.camera import CameraParameters
 from shipland.config import build
 from shipland.messages import Intent, PilotCommand
 from shipland.rig import Rig
-from shipland.sim.air.wind import SteadyWind, Wind
 from shipland.sim.aircraft.parameters import AircraftParameters
 from shipland.sim.ship.course import CourseState, StillCourse
 from shipland.sim.ship.deck_motion import DeckMotion, Sinusoids, Still
 from shipland.sim.ship.ship import Ship
 from shipland.sim.touchdown import VerdictParameters
+from shipland.sim.wind import SteadyWind, Wind
 from shipland.sim.world import StartParameters, World
 
 QUIET = {

@@ -25,10 +25,10 @@ from shipland.sim.scene import mesh
 from shipland.sim.scene.light import Light, light
 from shipland.sim.scene.mesh import Mesh
 from shipland.sim.scene.paint import paints
-from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.sea import cox_munk_variance, peak_wavelength_m
 from shipland.sim.scene.ship import platform
 from shipland.sim.scene.tone import Light16, encoded
+from shipland.sim.scene_parameters import SceneParameters
 from shipland.sim.state import SceneState
 
 Rgb = tuple[float, float, float]

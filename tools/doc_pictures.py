@@ -32,8 +32,8 @@ from shipland.report.video import FlightVideo, VideoParameters, VideoWriter
 from shipland.rig import Rig
 from shipland.scenario.autonomy import aircraft_scale, build_scene, drawn_ship
 from shipland.scenario.scenario import Scenario, load_scenario
-from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
+from shipland.sim.scene_parameters import SceneParameters
 from shipland.sim.ship.ship import ShipState
 from shipland.sim.state import SceneState
 from shipland.vision.pictures import Picture, read_video
@@ -140,7 +140,7 @@ def draw_ship(axes: Axes, rig: Rig, side: bool) -> None:
 def airwake(out: Path = PICTURES / "airwake.png") -> None:
     """The parametric airwake, from the side and from above."""
     from shipland.figures import drawn
-    from shipland.sim.air.wind import Airwake, WindParameters
+    from shipland.sim.wind import Airwake, WindParameters
 
     rig = Rig()
     wake = Airwake(WindParameters().airwake, rig, np.random.default_rng(0))

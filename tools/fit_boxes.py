@@ -16,7 +16,7 @@ import tyro
 
 from shipland.geometric import GeometricParameters
 from shipland.learning.ranges import SceneRecord, hits
-from shipland.vision.far.parameters import detector_parameters
+from shipland.vision.parameters import detector_parameters
 
 MIN_IOU = 0.3
 

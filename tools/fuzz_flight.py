@@ -39,7 +39,7 @@ PILOTS = ("paper", "p", "pid", "horizon", "residual", "learned")
 SCENARIOS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("near", {}),
     ("rig-natops", {"aircraft.loop.kind": "velocity"}),
-    ("ship-sea5", {"guidance.horizon.moment": "deck"}),
+    ("ship-sea5", {}),
 )
 HOSTILE = (math.nan, math.inf, -math.inf, 1e300, -1e300, 1e-320, 0.0, -0.0, 1e6, -1e6)
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

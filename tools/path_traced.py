@@ -36,14 +36,14 @@ from shipland.learning.sensor import degrade
 from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
 from shipland.learning.synth import compressed, crop_camera, jpeg_quality
 from shipland.messages import Box
-from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
 from shipland.sim.scene.tone import develop
+from shipland.sim.scene_parameters import SceneParameters
 from shipland.sim.state import NearestBox, SceneState, target_box
 from shipland.statistics import share_interval
 from shipland.vision.far.decode import iou
 from shipland.vision.far.detector import Detector
-from shipland.vision.far.parameters import detector_parameters
+from shipland.vision.parameters import detector_parameters
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the studies stand beside the package
 from studies.tags import grain

@@ -36,9 +36,6 @@ FORMER = {
     "perfect_forward_m": "oracle_forward_m",
     "perfect_in_square": "oracle_in_square",
     "perfect_starboard_m": "oracle_starboard_m",
-    "poise_m": "reacquire_offset_m",
-    "poise_most_s": "reacquire_max_s",
-    "poise_s": "reacquire_s",
     "push_mps2": "wind_mps2",
     "push_time_s": "wind_time_s",
     "quad": "polygon",
@@ -48,13 +45,6 @@ FORMER = {
     "swing": "wave",
     "swing_m": "wave_m",
     "swing_mps": "wave_mps",
-    "watch_blind_s": "look_down_max_s",
-    "watch_height_m": "deck_watch_height_m",
-    "watch_known_m": "deck_std_max_m",
-    "watch_m": "deck_watch_offset_m",
-    "watch_most_s": "deck_watch_max_s",
-    "watch_rises_mps": "deck_rise_max_mps",
-    "watch_seen_s": "look_up_s",
 }
 """Today's name by the former one."""
 
@@ -86,8 +76,15 @@ GONE = {
 }
 """What does a former key's work today, by the key with its table."""
 
-FORMER_VALUES = {("guidance.horizon.moment", "lull"): "any"}
-"""A value that logs on record have, by its key, and what flies most like it."""
+_DECK_WATCH = (
+    *("moment", "deck_rise_max_mps", "deck_std_max_m", "look_down_max_s", "look_up_s"),
+    *("watch_blind_s", "watch_known_m", "watch_rises_mps", "watch_seen_s"),
+    *("descent.deck_watch_height_m", "descent.deck_watch_max_s", "descent.deck_watch_offset_m"),
+    *("descent.reacquire_max_s", "descent.reacquire_offset_m", "descent.reacquire_s"),
+    *("descent.poise_m", "descent.poise_most_s", "descent.poise_s"),
+    *("descent.watch_height_m", "descent.watch_m", "descent.watch_most_s"),
+)
+GONE |= {f"guidance.horizon.{key}": "the odds of a landing choose the moment" for key in _DECK_WATCH}
 
 FORMER_OPTIONS = {
     ("campaign", "--count"): "--runs",
@@ -114,7 +111,7 @@ def renamed(table: Any, where: str = "") -> Any:  # noqa: ANN401 - a configurati
         }
     if isinstance(table, list):
         return [renamed(value, where) for value in table]
-    return FORMER_VALUES.get((where, table), table)
+    return table
 
 
 def as_before(table: Any) -> Any:  # noqa: ANN401 - a configuration as JSON has it

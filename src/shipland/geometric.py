@@ -32,7 +32,6 @@ from shipland.sim.state import SceneState, target_box
 from shipland.vehicles.vehicle import GroundTruthSource
 from shipland.vision.near.covariance import bar_pose_of
 from shipland.vision.near.gates import Refusal, gimbal_off, jumps, largest_reprojection_px, within_reach
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.planar_pose import (
     CONTRADICTION_CHI2,
     DOUBTFUL_CHI2,
@@ -45,6 +44,7 @@ from shipland.vision.near.planar_pose import (
     ordered,
     solve,
 )
+from shipland.vision.parameters import VisionParameters
 
 
 @parameters

@@ -12,9 +12,9 @@ from shipland.frames import wrap_angle
 from shipland.guidance.modes import INTENTS
 from shipland.messages import Frame, Intent, PilotCommand, Telemetry
 from shipland.rig import Rig
-from shipland.sim.air.wind import SteadyWind
 from shipland.sim.ship.course import StraightCourse
 from shipland.sim.ship.ship import Ship
+from shipland.sim.wind import SteadyWind
 from shipland.vehicles.delays import DelayParameters
 from shipland.vehicles.replay import Recorded, ReplayVehicle
 from shipland.vehicles.simulated import SimulatedVehicle

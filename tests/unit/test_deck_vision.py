@@ -7,12 +7,12 @@ from shipland.camera import Camera, CameraParameters, level_from_camera
 from shipland.frames import Pose, rotation_from_euler
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig
-from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
+from shipland.sim.scene_parameters import SceneParameters
 from shipland.sim.state import SceneState
 from shipland.vision.near.deck import DeckVision
 from shipland.vision.near.gates import Refusal
-from shipland.vision.near.parameters import DeckVisionParameters
+from shipland.vision.parameters import DeckVisionParameters
 
 RIG = Rig()
 CAMERA = Camera.from_parameters(CameraParameters())

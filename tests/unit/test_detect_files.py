@@ -20,7 +20,7 @@ from shipland.report.drawings import Drawings, draw_boxes
 from shipland.vision.far.decode import Decoding, DetectorSpec
 from shipland.vision.far.detector import Detector
 from shipland.vision.far.files import COLUMNS, DetectResult, detect_paths
-from shipland.vision.far.parameters import detector_parameters
+from shipland.vision.parameters import detector_parameters
 from shipland.vision.pictures import FilePicture
 
 

@@ -17,8 +17,8 @@ from shipland.vision.far.decode import Decoding, DetectorSpec, decode, iou, supp
 from shipland.vision.far.detector import Detector, cut_tile, padded, weights_path
 from shipland.vision.far.far import FarVision
 from shipland.vision.far.layouts import load_reader
-from shipland.vision.far.parameters import detector_parameters
 from shipland.vision.far.search import log_odds
+from shipland.vision.parameters import detector_parameters
 
 ANCHORS = (((6.0, 5.0), (9.0, 7.0), (12.0, 12.0)), ((20.0, 14.0), (30.0, 20.0), (40.0, 36.0)), ((60.0, 50.0),) * 3)
 SPEC = DetectorSpec(("ship",), ANCHORS, Decoding.WIDE, 0.125)
@@ -439,8 +439,8 @@ def test_packaged_weights_see_their_target(kind, range_m, rig, camera):
     """Clear day, dead astern, 15 m up: the surest box lies over the target."""
     from shipland.learning.shots import draw_scene, draw_shot
     from shipland.learning.synth import synth_parameters
-    from shipland.sim.scene.parameters import SceneParameters
     from shipland.sim.scene.scene import Scene
+    from shipland.sim.scene_parameters import SceneParameters
     from shipland.sim.state import target_box
 
     parameters = replace(

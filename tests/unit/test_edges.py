@@ -12,7 +12,7 @@ from pictures import TONES, Look, bar_picture, camera_from_bar, finish, light_of
 from shipland.camera import Camera
 from shipland.vision.near import edges, published
 from shipland.vision.near.edges import edge_response, normal
-from shipland.vision.near.parameters import VisionParameters
+from shipland.vision.parameters import VisionParameters
 
 PARAMETERS = VisionParameters()
 PLAIN = Camera.from_fov(160, 90, 20.0)

@@ -32,15 +32,13 @@ def test_a_former_key_is_refused_with_its_new_name():
         load_scenario("near", guidance={"approach": {"astray_m": 0.3}})
 
 
-def test_a_value_that_is_gone_is_read_as_what_flies_most_like_it():
-    assert renamed({"guidance": {"horizon": {"moment": "lull"}}}) == {"guidance": {"horizon": {"moment": "any"}}}
-
-
 def test_a_key_that_is_gone_is_refused_with_what_does_its_work_and_read_past_in_a_log():
     with pytest.raises(ConfigError, match=r"vision: 'corners' is no key any more; --vision published"):
         load_scenario("near", vision={"corners": "forstner"})
     former = {"vision": {"corners": "edges", "track_s": 1.0}, "corners": 1}
     assert renamed(former) == {"vision": {"track_s": 1.0}, "corners": 1}
+    watched = {"moment": "deck", "watch_seen_s": 0.3, "descent": {"poise_s": 0.8, "drop_mps": 1.0}}
+    assert renamed({"guidance": {"horizon": watched}})["guidance"]["horizon"] == {"descent": {"final_descent_mps": 1.0}}
 
 
 @pytest.mark.parametrize("gone", GONE)

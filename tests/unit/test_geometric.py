@@ -23,8 +23,8 @@ from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig
 from shipland.vision.near.covariance import bar_pose_of
 from shipland.vision.near.gates import Refusal
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.planar_pose import Corners, LevelPrior, Solution, solve
+from shipland.vision.parameters import VisionParameters
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
 PLANE_M = np.ascontiguousarray(Rig().cue.points_in_bar_m[:, 1:])

@@ -11,7 +11,7 @@ from shipland.rig import Rig
 from shipland.scenario.scenario import load_scenario
 from shipland.vision.far.far import _ship_spans_m
 from shipland.vision.far.horizon_consistency import HorizonConsistency, Subject, apart
-from shipland.vision.far.parameters import detector_parameters
+from shipland.vision.parameters import detector_parameters
 
 PARAMETERS = detector_parameters()
 SHIP = Subject(spans_m=(3.3, 3.3), foot=0.5, foot_m=0.0, rise=-1.0)

@@ -14,7 +14,7 @@ from shipland.learning.evaluate import evaluate
 from shipland.vision.far.detector import Detector
 from shipland.vision.far.far import FarVision
 from shipland.vision.far.layouts import COCO_CLASSES, load_reader
-from shipland.vision.far.parameters import detector_parameters
+from shipland.vision.parameters import detector_parameters
 
 onnx = pytest.importorskip("onnx")
 from onnx import TensorProto, helper, numpy_helper  # noqa: E402 - after importorskip

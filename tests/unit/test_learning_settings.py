@@ -4,7 +4,7 @@ import pytest
 
 from shipland.errors import ConfigError
 from shipland.learning.settings import train_parameters
-from shipland.vision.far.parameters import detector_parameters, learning_table
+from shipland.vision.parameters import detector_parameters, learning_table
 
 
 def test_a_users_file_is_laid_over_the_packaged_one(tmp_path):

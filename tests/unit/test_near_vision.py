@@ -28,9 +28,9 @@ from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig
 from shipland.vision.near.covariance import bar_pose_of
 from shipland.vision.near.gates import Refusal
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
 from shipland.vision.near.planar_pose import Corners, LevelPrior, solve
+from shipland.vision.parameters import VisionParameters
 
 PARAMETERS = VisionParameters()
 CORNERS_ALONE = VisionParameters(gimbal_noise_rad=0.0)

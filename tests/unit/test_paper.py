@@ -36,7 +36,7 @@ from shipland.reproduce.ranges import (
 from shipland.reproduce.touchdowns import touchdowns
 from shipland.rig import Rig
 from shipland.scenario.scenario import load_scenario, scenario_table
-from shipland.vision.near.parameters import VisionParameters
+from shipland.vision.parameters import VisionParameters
 
 RIG = Rig()
 CAMERA = Camera.from_fov(1280, 720, 69.0)

@@ -9,7 +9,7 @@ import pytest
 from shipland.sim.scene.scene import Scene
 from shipland.sim.scene.tone import FULL_SCALE
 from shipland.vision.far.detector import Detector
-from shipland.vision.far.parameters import detector_parameters
+from shipland.vision.parameters import detector_parameters
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 

@@ -30,11 +30,11 @@ from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig
 from shipland.vision.near import published
 from shipland.vision.near.gates import Refusal
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision, Steps
 from shipland.vision.near.published import published_vision
 from shipland.vision.near.regions import find_regions
 from shipland.vision.near.segment import Window
+from shipland.vision.parameters import VisionParameters
 
 PARAMETERS = VisionParameters()
 BAR = Rig().cue

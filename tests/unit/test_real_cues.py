@@ -11,11 +11,11 @@ from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig
 from shipland.vision.near.gates import Refusal
 from shipland.vision.near.outline import polygon_in_outline
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
 from shipland.vision.near.published import published_vision
 from shipland.vision.near.regions import find_regions
 from shipland.vision.near.segment import Window
+from shipland.vision.parameters import VisionParameters
 
 PARAMETERS = VisionParameters(gimbal_noise_rad=0.0)
 CAMERA = Camera.from_fov(640, 480, 52.0)

@@ -10,9 +10,9 @@ from shipland.camera import Camera, CameraParameters
 from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
 from shipland.vision.near.pose import Followed, row_motion
+from shipland.vision.parameters import VisionParameters
 
 PARAMETERS = VisionParameters()
 GLOBAL = Camera.from_parameters(CameraParameters())

@@ -19,11 +19,11 @@ from shipland.sim.scene import gl
 from shipland.sim.scene.block import RenderView
 from shipland.sim.scene.light import light
 from shipland.sim.scene.motion import homographies
-from shipland.sim.scene.parameters import SceneParameters, Tone
 from shipland.sim.scene.scene import Scene
 from shipland.sim.scene.sea import WaveTiles, cox_munk_variance
 from shipland.sim.scene.tone import FULL_SCALE, Image, Light16, develop
 from shipland.sim.scene.view import Crop
+from shipland.sim.scene_parameters import SceneParameters, Tone
 from shipland.sim.state import SceneState
 
 RIG = Rig()

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from pictures import Look, finish, foliage
 from shipland.vision.near import published
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.published import colour_mask, coloured_window, find_regions, gate, watershed_region
 from shipland.vision.near.segment import Window, find_quads
+from shipland.vision.parameters import VisionParameters
 
 PARAMETERS = VisionParameters()
 GREEN = (60, 190, 70)

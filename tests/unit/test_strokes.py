@@ -10,9 +10,9 @@ from pictures import GREEN, Look, bar_picture, camera_from_bar, paint, plain_can
 from shipland.camera import Camera
 from shipland.cue import Cue, Polygon
 from shipland.messages import Frame, GimbalAttitude
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
 from shipland.vision.near.segment import joined_quads
+from shipland.vision.parameters import VisionParameters
 
 CAMERA = Camera.from_fov(424, 240, 49.0)
 UNKNOWN = GimbalAttitude(math.nan, math.nan)

@@ -11,8 +11,8 @@ from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import Rig
 from shipland.scenario.scenario import load_scenario
 from shipland.scenario.visions import VisionSetup, needs_pictures
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
+from shipland.vision.parameters import VisionParameters
 from shipland.vision.vision import VisionSelector, VisionSelectorParameters, see_or_degrade
 
 FRAME = Frame(1.5, None, GimbalAttitude(0.0, -0.2))

@@ -6,7 +6,7 @@ from scipy.signal import welch
 
 from shipland.config import build
 from shipland.rig import Rig
-from shipland.sim.air.turbulence import (
+from shipland.sim.turbulence import (
     Dryden,
     Kaimal,
     TurbulenceParameters,
@@ -14,7 +14,7 @@ from shipland.sim.air.turbulence import (
     sea_roughness_m,
     step_covariance,
 )
-from shipland.sim.air.wind import Airwake, ShipPlace, SteadyWind, Wind, WindParameters, build_wind
+from shipland.sim.wind import Airwake, ShipPlace, SteadyWind, Wind, WindParameters, build_wind
 
 RIG = Rig()
 CALM = {"turbulence": {"enabled": False}, "airwake": {"enabled": False}}

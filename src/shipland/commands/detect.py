@@ -41,7 +41,7 @@ class Detect(PictureOptions):
         from shipland.report.drawings import draw_boxes
         from shipland.vision.far.detector import Detector
         from shipland.vision.far.files import COLUMNS, detect_paths
-        from shipland.vision.far.parameters import detector_parameters
+        from shipland.vision.parameters import detector_parameters
 
         settings = detector_parameters(self.config)
         detector = Detector.load(self.weights or self.kind, settings, self.classes)

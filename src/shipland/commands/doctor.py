@@ -82,7 +82,7 @@ def _compiled() -> Iterator[Finding]:
 
 def _detectors() -> Iterator[Finding]:
     from shipland.vision.far.detector import Detector
-    from shipland.vision.far.parameters import DetectorParameters
+    from shipland.vision.parameters import DetectorParameters
 
     for kind in ("ship", "bar"):
         try:

@@ -26,7 +26,7 @@ class Train(TrainArguments):
         from shipland.learning.metrics import Tally
         from shipland.report.looks_page import looks_page
         from shipland.vision.far.detector import Detector
-        from shipland.vision.far.parameters import detector_parameters
+        from shipland.vision.parameters import detector_parameters
 
         trained = train(self)
         settings, parts = detector_parameters(self.config), trained.parts

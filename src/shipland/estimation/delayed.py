@@ -148,29 +148,13 @@ class DelayedFilter:
         """A picture's place (axes,) of its exposure; False where the innovation gate rejects it, or it is too old."""
         if self.estimate is None or t_s < self.estimate.t_s - 1e-3:
             return False
-        self.normalised = self._pictured(t_s, place_m, covariance_m2, inputs, turn_rad_s, self.model.wave.bar[0])
-        accepted = self.normalised <= self._parameters.picture_gate
+        self._take_velocities(t_s, inputs, turn_rad_s)
+        self.estimate = estimate = self._moved(self.estimate, t_s, inputs, turn_rad_s)
+        shown, gate = self.model.wave.bar[0], self._parameters.picture_gate
+        self.normalised = float(_take_picture(estimate.mean, estimate.covariance, shown, place_m, covariance_m2, gate))
+        accepted = self.normalised <= gate
         self._refused = 0 if accepted else self._refused + 1
         return accepted
-
-    def update_deck(
-        self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float = 0.0
-    ) -> bool:
-        """The place (axes,) by a picture of the deck, as if the deck lay at its mean place; False as for a picture."""
-        if self.estimate is None or t_s < self.estimate.t_s - 1e-3:
-            return False
-        normalised = self._pictured(t_s, place_m, covariance_m2, inputs, turn_rad_s, self.model.wave.deck[0])
-        return normalised <= self._parameters.picture_gate
-
-    def _pictured(
-        self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float, shown: Array
-    ) -> float:
-        """Take a place less these shares of the wave motion, unless gated out; its normalised innovation squared."""
-        self._take_velocities(t_s, inputs, turn_rad_s)
-        assert self.estimate is not None
-        self.estimate = estimate = self._moved(self.estimate, t_s, inputs, turn_rad_s)
-        gate = self._parameters.picture_gate
-        return float(_take_picture(estimate.mean, estimate.covariance, shown, place_m, covariance_m2, gate))
 
     @property
     def refused(self) -> int:

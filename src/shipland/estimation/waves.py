@@ -84,11 +84,6 @@ class WaveMotion:
         """(4,) its states a while later, or earlier."""
         return np.asarray(_passed(self, round(1e3 * passed_s)) @ states)
 
-    def covariance_later(self, estimated: Array, passed_s: float) -> Array:
-        """(4,4) of its states a while later, from the estimated one now."""
-        passed = _passed(self, round(1e3 * passed_s))
-        return np.asarray(passed @ (estimated - self.covariance) @ passed.T + self.covariance)
-
 
 def _output(wave: WaveMotion, shares: Shares) -> Output:
     w = wave.frequency_rad_s

@@ -25,7 +25,6 @@ class Situation(NamedTuple):
         near_ship: the last known distance to the bar is inside the go-around radius.
         clear: after a go-around, height and distance allow another try.
         flying: the vehicle's own word.
-        watching: the camera looks away from the bar on purpose.
         overruled: the safety flies away from the ship instead of what the pilot commanded.
         at_once: a landing begins with its condition, and the pilot does not break it off: the published rule.
     """
@@ -38,7 +37,6 @@ class Situation(NamedTuple):
     near_ship: bool
     clear: bool
     flying: bool
-    watching: bool = False
     overruled: bool = False
     at_once: bool = False
 
@@ -122,7 +120,7 @@ def _wanted_landing(situation: Situation, memory: ModeMemory, parameters: ModePa
     blind_s = situation.now_s - memory.corners.last_s
     if blind_s <= parameters.lost_s or situation.at_once:
         return Mode.LAND, memory.reason
-    if not (situation.committed or (situation.watching and blind_s <= parameters.blind_landing_s)):
+    if not situation.committed:
         return Mode.GO_AROUND, f"corners lost for {blind_s:.1f} s above commit height"
     if blind_s <= parameters.blind_landing_s:
         return Mode.LAND, memory.reason

@@ -39,7 +39,7 @@ from shipland.sim.state import NearestBox, target_box
 from shipland.vision.far.decode import iou
 from shipland.vision.far.detector import Detector
 from shipland.vision.far.far import FarVision
-from shipland.vision.far.parameters import DetectorParameters, detector_parameters, learning_table
+from shipland.vision.parameters import DetectorParameters, detector_parameters, learning_table
 
 Picture = npt.NDArray[np.uint8]
 BAROMETER_M = 0.7

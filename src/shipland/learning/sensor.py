@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.config import key, parameters, require
-from shipland.sim.scene.parameters import Tone
 from shipland.sim.scene.tone import Light16, develop, encoded, sharpen
+from shipland.sim.scene_parameters import Tone
 
 Picture = npt.NDArray[np.uint8]
 

@@ -7,7 +7,7 @@ from typing import Literal
 
 from shipland.config import build, key, merge, parameters, plain, require
 from shipland.vision.far.decode import Decoding
-from shipland.vision.far.parameters import learning_table
+from shipland.vision.parameters import learning_table
 
 
 @parameters

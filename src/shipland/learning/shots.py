@@ -14,7 +14,7 @@ from shipland.learning.decoys import Decoy, DecoyKind, foot_box_px
 from shipland.learning.sensor import ImageSensorParameters
 from shipland.learning.shot import Shot
 from shipland.rig import Rig
-from shipland.sim.scene.parameters import SceneParameters
+from shipland.sim.scene_parameters import SceneParameters
 from shipland.sim.state import target_box
 
 Span = tuple[float, float]

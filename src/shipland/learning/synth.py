@@ -35,7 +35,7 @@ from shipland.progress import followed
 from shipland.rig import Rig
 from shipland.sim.scene.scene import Scene
 from shipland.sim.state import NearestBox, target_box
-from shipland.vision.far.parameters import learning_table
+from shipland.vision.parameters import learning_table
 from shipland.workers import run_jobs
 
 T = TypeVar("T")

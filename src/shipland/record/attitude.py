@@ -7,7 +7,7 @@ from pathlib import Path
 
 from shipland.record.reader import FlightLog
 from shipland.vision.attitude import AttitudeTrack, Reading, no_attitude
-from shipland.vision.near.parameters import VisionParameters
+from shipland.vision.parameters import VisionParameters
 
 _MOST_AGE_S = 0.5
 """Largest age of a gimbal's reading that a picture is seen with."""

@@ -20,10 +20,10 @@ from shipland.report.palette import BLUE, GREEN, GREY, VERMILION, unit
 from shipland.scenario.autonomy import drawn_ship
 from shipland.scenario.scenario import Scenario
 from shipland.scenario.seeds import generators_of
-from shipland.sim.air.wind import build_wind
 from shipland.sim.ship.deck_motion import DOF_NAMES, rig_limits
 from shipland.sim.ship.recorded import HEADER
 from shipland.sim.ship.sea import significant_amplitude
+from shipland.sim.wind import build_wind
 
 _DPI = 80
 _AXIS_UNITS = ("m", "m", "m, down", "°", "°", "°")

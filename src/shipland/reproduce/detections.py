@@ -17,11 +17,11 @@ from shipland.messages import Box, GimbalAttitude
 from shipland.report.palette import VERMILION, unit
 from shipland.rig import Rig
 from shipland.scenario.scenario import Scenario
-from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
+from shipland.sim.scene_parameters import SceneParameters
 from shipland.sim.state import NearestBox, SceneState, target_box
 from shipland.vision.far.detector import Detector
-from shipland.vision.far.parameters import DetectorParameters
+from shipland.vision.parameters import DetectorParameters
 from shipland.vision.pictures import Picture
 
 DISTANCES_M = (30.0, 60.0, 100.0, 150.0, 250.0)

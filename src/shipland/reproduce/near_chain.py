@@ -19,12 +19,12 @@ from shipland.frames import Array, Pose, rotation_from_euler
 from shipland.messages import GimbalAttitude
 from shipland.rig import Rig
 from shipland.scenario.scenario import Scenario
-from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
+from shipland.sim.scene_parameters import SceneParameters
 from shipland.sim.state import SceneState
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.published import bounding_quads, find_regions, gate, measure_corners, watershed_region
 from shipland.vision.near.segment import Image, Region, Window, opened_and_closed
+from shipland.vision.parameters import VisionParameters
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

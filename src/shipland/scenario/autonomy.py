@@ -20,11 +20,11 @@ from shipland.safety.assurance import Safety
 from shipland.scenario.scenario import Scenario
 from shipland.scenario.seeds import generators_of
 from shipland.scenario.visions import VisionSetup
-from shipland.sim.air.wind import WindParameters, build_wind, drawn_wind
 from shipland.sim.aircraft.parameters import AircraftParameters
 from shipland.sim.aircraft.record import Record
 from shipland.sim.aircraft.step import drag_slope_per_s
 from shipland.sim.ship.ship import Ship, build_ship
+from shipland.sim.wind import WindParameters, build_wind, drawn_wind
 from shipland.sim.world import GRID, Grid, World
 from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import GroundTruthSource, Real, Vehicle

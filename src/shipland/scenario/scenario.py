@@ -34,15 +34,14 @@ from shipland.guidance.parameters import GuidanceParameters
 from shipland.rig import Rig
 from shipland.safety.assurance import SafetyParameters
 from shipland.scenario.faults import Fault, FaultDraw
-from shipland.sim.air.wind import WindParameters
 from shipland.sim.aircraft.parameters import AircraftParameters
-from shipland.sim.scene.parameters import SceneParameters
+from shipland.sim.scene_parameters import SceneParameters
 from shipland.sim.ship.ship import ShipParameters
 from shipland.sim.touchdown import VerdictParameters
+from shipland.sim.wind import WindParameters
 from shipland.sim.world import StartParameters
 from shipland.vehicles.delays import DelayParameters
-from shipland.vision.far.parameters import DetectorParameters
-from shipland.vision.near.parameters import VisionParameters
+from shipland.vision.parameters import DetectorParameters, VisionParameters
 from shipland.vision.vision import VisionSelectorParameters
 
 _TOUCH_M = 1e-9
@@ -92,11 +91,6 @@ def _of_rig(rig: Rig) -> Iterator[str]:
 
 def _of_flight(scenario: Scenario) -> Iterator[str]:
     start, safety, approach = scenario.start, scenario.safety, scenario.guidance.approach
-    if scenario.guidance.horizon.moment == "deck" and scenario.rig.hull != "platform":
-        yield (
-            f'guidance.horizon.moment = "deck" watches the markings of a platform, which rig.hull = '
-            f'"{scenario.rig.hull}" is not'
-        )
     to_bar_m = float(scenario.rig.bar_in_ship_m[0])
     farthest_m = math.hypot(start.distance_m + start.distance_half_range_m + to_bar_m, start.height_m)
     if farthest_m > safety.fence_distance_m:

@@ -12,7 +12,6 @@ from shipland.config import key, parameters, require
 from shipland.frames import GRAVITY_MPS2
 from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
-from shipland.sim.air.wind import Wind
 from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor, build_aircraft
 from shipland.sim.aircraft.loops import CENTRED, Sticks
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
@@ -32,6 +31,7 @@ from shipland.sim.contact import Body, DeckDriver, DeckState, against_deck, buil
 from shipland.sim.ship.ship import Ship, ShipState
 from shipland.sim.state import SceneState, Snapshot, scene_of, truth_of
 from shipland.sim.touchdown import NO_TOUCH, Judge, OnDeck, VerdictParameters
+from shipland.sim.wind import Wind
 
 STEP_S = 0.002
 """Physics step: what MuJoCo's contacts want."""

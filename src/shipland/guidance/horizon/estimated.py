@@ -69,7 +69,6 @@ class Estimated:
             behind a ship that turns.
         to_bar_rad_s: its rate.
         deck_in_bar_m: (3,) the deck's neutral point.
-        deck_s: exposure of the newest picture of the deck.
         actuation: what the sticks have made of the vehicle.
     """
 
@@ -92,7 +91,6 @@ class Estimated:
     to_bar_rad: float
     to_bar_rad_s: float
     deck_in_bar_m: Array
-    deck_s: float
     actuation: Actuation
 
     @cached_property
@@ -131,11 +129,6 @@ class Estimated:
         covariance = self.model.covariance_after(self.across.covariance, _STEP_MS * round(1e3 * passed_s / _STEP_MS))
         return position_covariance(covariance, self.wave.deck[0])
 
-    @property
-    def _tracked(self) -> Array:
-        """(4,) shares of the wave motion's states that the controlled position follows."""
-        return np.asarray(self.tracked_near * self.wave.tracked[0])
-
     @cached_property
     def position_std_m(self) -> float:
         """Standard deviation of the observed position along the worse axis."""
@@ -144,15 +137,8 @@ class Estimated:
 
     def deck_later(self, passed_s: float) -> Array:
         """(2,) the deck's centre after `passed_s`, from that of the controlled position, in the axes of the flight."""
-        shares = self.wave.deck[0] - self._tracked
+        shares = self.wave.deck[0] - np.asarray(self.tracked_near * self.wave.tracked[0])
         return np.array([shares @ self.wave.later(self.across.mean[_wave_of(axis)], passed_s) for axis in range(2)])
-
-    def deck_std_later_m(self, passed_s: float) -> float:
-        """Standard deviation of `deck_later` along the worse axis."""
-        shares = self.wave.deck[0] - self._tracked
-        covariances = [self.across.covariance[_wave_of(axis), _wave_of(axis)] for axis in range(2)]
-        variances = [float(shares @ self.wave.covariance_later(it, passed_s) @ shares) for it in covariances]
-        return math.sqrt(max(*variances, 0.0))
 
     def deck_rises_mps(self, passed_s: float) -> float:
         """Upward speed of the deck after `passed_s`."""

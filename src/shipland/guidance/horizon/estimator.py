@@ -83,7 +83,7 @@ class Estimator:
         self._latency, self._gain = LatencyBank(parameters.latency), GainBank(parameters.gain)
         self._gain_models = self._models_by_gain()
         self._landing = False
-        self._velocity_s = self._deck_s = self._showed_s = self._posed_s = -math.inf
+        self._velocity_s = self._showed_s = self._posed_s = -math.inf
         self._by_nose = False
         """The newest pose was turned into the axes of the flight by the nose's heading."""
         self._line_of_sight: tuple[float, float] | None = None
@@ -160,15 +160,13 @@ class Estimator:
         self._heave.update_velocity(t_s, float(velocity[2]), self.seen_s)
 
     def _take_picture(self, t_s: float, observation: Observation, pose: BarPose | None, headings: Headings) -> None:
-        """The best position in a picture of the time `t_s`: by the bar's pose, else by the deck, else by a box."""
+        """The best position in a picture of the time `t_s`: by the bar's pose, else by a box."""
         nose_up_rad, is_bar = self._sticks.nose_up_rad, observation.bar_box is not None
         box = observation.bar_box or observation.ship_box
         if pose is not None:
             estimate = self._across.estimate
             speed_mps = 0.0 if estimate is None else float(np.linalg.norm(estimate.of(VELOCITY)))
             self._take_pose(t_s, self._places.of_pose(pose, headings, nose_up_rad, speed_mps))
-        elif observation.deck is not None and headings.bar_known:
-            self._take_deck(t_s, self._places.of_deck(observation.deck, headings, nose_up_rad))
         elif box is not None:
             place = self._places.of_box(box, is_bar, observation.gimbal.pitch_rad, headings)
             if place is not None:
@@ -191,12 +189,6 @@ class Estimator:
             self.rejected = "a pose where the aircraft cannot be"
         else:
             self._posed_s = t_s
-
-    def _take_deck(self, t_s: float, place: SeenPlace) -> None:
-        self._down.update_deck(t_s, *_vertical(place), self._sticks.climbs)
-        turn_rad_s = self._headings.turn_rad_s
-        if self._across.update_deck(t_s, place.across_m, place.covariance, self._sticks.across, turn_rad_s):
-            self.seen_s = self._deck_s = t_s
 
     def _take_box(self, t_s: float, place: SeenPlace) -> None:
         if t_s - self.seen_s > self._parameters.measured.lost_s:  # the ship has moved on meanwhile
@@ -323,7 +315,6 @@ class Estimator:
             to_bar_rad=to_bar_rad,
             to_bar_rad_s=to_bar_rad_s,
             deck_in_bar_m=self._deck_in_bar_m,
-            deck_s=self._deck_s,
             actuation=Actuation(
                 motion=self._assumed.motion,
                 input_before=sticks.input_before(),

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shipland.frames import Array, rotated, wrap_angle
-from shipland.guidance.horizon.descent import Descent, Phase, contact_in_s, dropped, next_descent, outlook_of
+from shipland.guidance.horizon.descent import Descent, Outlook, Phase, contact_in_s, dropped, next_descent
 from shipland.guidance.horizon.estimated import Estimated
 from shipland.guidance.horizon.odds import odds_below, odds_in_area, odds_of_tilt
 from shipland.guidance.horizon.parameters import HorizonParameters
@@ -235,8 +235,8 @@ class Guidance:
     """
 
     def __init__(self, setup: PilotSetup, regulator: Regulator) -> None:
-        self._guidance, self._response = setup.guidance, setup.response
-        self._parameters = setup.guidance.horizon
+        self._parameters, self._response = setup.guidance.horizon, setup.response
+        self._hover_height_m = setup.guidance.approach.hover_height_m
         self._goals = Goals(self._parameters, setup.guidance.approach, setup.rig, View.of(setup.camera))
         self._rig = setup.rig
         self._regulator, self._limit_cycle = regulator, LimitCycleDetector()
@@ -268,10 +268,19 @@ class Guidance:
         contact_s = contact_in_s(estimate.height_m, estimate.down_mps, self._response.climb_lag_s, parameters.descent)
         descent = odds = None
         if mode is Mode.LAND or (mode is Mode.APPROACH and not far):
-            foreseen = self._foreseen(estimate, before[1], reference, gains)
-            odds = foreseen[1]
+            odds = self._odds(estimate, before[1], reference, gains)
         if mode is Mode.LAND:
-            outlook = outlook_of(before[1], estimate, foreseen, (now_s, step_s), self._guidance, self._response)
+            assert odds is not None
+            outlook = Outlook(
+                now_s=estimate.t_s,
+                step_s=step_s,
+                height_m=estimate.height_m,
+                sink_mps=estimate.down_mps,
+                offset_m=math.hypot(*estimate.offset_m.tolist()),
+                odds=odds,
+                climb_lag_s=self._response.climb_lag_s,
+                hover_height_m=self._hover_height_m,
+            )
             descent = next_descent(before[1], outlook, parameters.descent)
             climb_mps = self._descent_mps(estimate, descent)
         else:
@@ -287,10 +296,8 @@ class Guidance:
             steerable=mode in (Mode.APPROACH, Mode.LAND) and estimate.bar_known,
         )
 
-    def _foreseen(
-        self, estimate: Estimated, before: Descent | None, reference: Reference, gains: Gains
-    ) -> tuple[Array, float]:
-        """Of a final descent from now, or while it sinks from the wait: (2,) offset at contact, odds of a landing."""
+    def _odds(self, estimate: Estimated, before: Descent | None, reference: Reference, gains: Gains) -> float:
+        """Of a landing by a final descent from now, or while it sinks from the height of the wait."""
         descent, levelling, lag_s = self._parameters.descent, self._parameters.levelling, self._response.climb_lag_s
         height_m, sink_mps = estimate.height_m, estimate.down_mps
         if before is None or before.phase is Phase.SINK:
@@ -301,7 +308,7 @@ class Guidance:
         odds *= odds_of_tilt(estimate.tilt_mps2, contact_s, self._response, levelling)
         _, fall_mps = dropped(contact_s, sink_mps, lag_s, descent)
         deck_mps = estimate.deck_rises_mps(contact_s) - estimate.bar_rises_mps(contact_s)
-        return offsets_m, odds * odds_below(descent.sink_max_mps, fall_mps + deck_mps, descent.sink_std_mps)
+        return odds * odds_below(descent.sink_max_mps, fall_mps + deck_mps, descent.sink_std_mps)
 
     def _reference(self, mode: Mode, estimate: Estimated, before: Reference | None, step_s: float) -> Reference:
         """The reference a cycle later, towards the mode's goal; reset where the aircraft cannot follow it."""

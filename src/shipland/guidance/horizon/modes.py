@@ -47,7 +47,6 @@ def situation_of(
         near_ship=False,
         clear=may_retry(telemetry.t_s - memory.since_s, clear, approach),
         flying=telemetry.flying,
-        watching=phase in (Phase.DECK_WATCH, Phase.REACQUIRE),
     )
 
 

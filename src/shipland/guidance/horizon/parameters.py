@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Literal
 
 from shipland.config import key, parameters, require, scaled
 from shipland.estimation.banks import GainParameters, LatencyParameters
@@ -117,12 +116,6 @@ class DescentParameters:
     )
     touch_m: float = scaled(0.02, "this near to contact the final descent begins: it would touch without", ge=0)
     contact_height_m: float = key(0.08, "of the centre as the lowest foot touches", "chosen: tilted by 20°", ge=0)
-    deck_watch_height_m: float = key(0.65, "over the neutral deck, during the deck watch", ge=0)
-    deck_watch_offset_m: float = key(0.03, "predicted offset at contact at which the deck watch ends", ge=0)
-    deck_watch_max_s: float = key(20.0, 'longest deck watch; then the landing goes on as with `moment = "any"`', ge=0)
-    reacquire_s: float = key(0.75, "from the last look down to the final descent: the camera looks up at the bar", ge=0)
-    reacquire_max_s: float = key(2.0, "the final descent begins by then, or the deck watch begins again", ge=0)
-    reacquire_offset_m: float = key(0.04, "predicted offset at contact at which the final descent begins then", ge=0)
 
 
 @parameters
@@ -153,17 +146,6 @@ class HorizonParameters:
     All chosen: docs/explanation/pilots-cycle.md says how.
     """
 
-    moment: Literal["any", "deck"] = key(
-        "any",
-        "when the final descent begins",
-        "any: of good odds | deck: as the deck will be below at contact",
-    )
-    look_down_max_s: float = key(2.5, "longest look down at the deck; then the camera looks up at the bar")
-    look_up_s: float = key(0.3, "time with poses before it looks down again")
-    deck_rise_max_mps: float = key(0.3, "of the deck at contact for the final descent to begin")
-    deck_std_max_m: float = key(
-        0.08, "of the deck's centre at contact to be known (standard deviation)", ge=0.005, le=5
-    )
     land_offset_m: float = scaled(0.2, "largest offset to begin a landing, held for `guidance.modes.settle_s`", gt=0)
     abort_offset_m: float = scaled(0.6, "a landing is broken off with more", ge=0.05, le=20)
     position_std_max_m: float = key(1.0, "without pictures the estimate is flown on up to this", ge=0.05, le=20)
@@ -211,6 +193,7 @@ class HorizonParameters:
 
     def __post_init__(self) -> None:
         require(self.abort_offset_m > self.land_offset_m, "abort_offset_m must be above land_offset_m")
+        require(len(self.gust_levels_mps2) >= 2, "gust_levels_mps2 needs two levels or more")
 
     def horizontal_at(self, gust_mps2: float) -> Disturbances:
         """Horizontal disturbances at a level of gusts, where sticks mean a tilt."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from shipland.frames import Array
-from shipland.guidance.horizon.descent import LOOK_DOWN_RAD, Descent, GimbalLookDown, Phase, next_look_down
+from shipland.guidance.horizon.descent import Descent, Phase
 from shipland.guidance.horizon.estimated import Estimated
 from shipland.guidance.horizon.estimator import Estimator
 from shipland.guidance.horizon.guidance import Guidance
@@ -41,7 +41,7 @@ class PilotState(NamedTuple):
         modes: memory of the mode function.
         distance_m: last known distance to the bar.
         seen_rad: bearing at which the target was seen last: the search turns to that side first.
-        reference, descent, look_down: of the flight on the estimate, of a landing, and of its deck watch.
+        reference, descent: of the flight on the estimate, and of a landing.
         odds: of a landing; None where they are not known.
     """
 
@@ -55,7 +55,6 @@ class PilotState(NamedTuple):
     seen_rad: float = 0.0
     reference: Reference | None = None
     descent: Descent | None = None
-    look_down: GimbalLookDown | None = None
     odds: float | None = None
 
 
@@ -186,7 +185,7 @@ class HorizonPilot:
             overruled=overruled(sent, state.modes.mode),
         )
         state = state._replace(modes=next_mode(situation, state.modes, self._parameters.modes))
-        return state if state.modes.mode is Mode.LAND else state._replace(descent=None, look_down=None)
+        return state if state.modes.mode is Mode.LAND else state._replace(descent=None)
 
     def _without_estimate(self, state: PilotState, now_s: float) -> SticksPercent:
         """The sticks of a mode that is flown without an estimate."""
@@ -201,21 +200,15 @@ class HorizonPilot:
     def _with_gimbal(
         self, observation: Observation, estimate: Estimated | None, state: PilotState, step_s: float
     ) -> PilotState:
-        """The camera pitch commanded next; a deck watch moves the camera without smoothing."""
-        look_down, limits = state.look_down, self._parameters.horizon
+        """The camera pitch commanded next."""
         assert state.now_s is not None
-        if state.descent is not None and state.descent.phase is Phase.DECK_WATCH:
-            posed_s = state.modes.corners.last_s if observation.bar_pose is not None else -math.inf
-            look_down = next_look_down(look_down, state.now_s, posed_s, limits.look_down_max_s, limits.look_up_s)
-            if look_down.down:
-                return state._replace(look_down=look_down, gimbal_pitch_rad=LOOK_DOWN_RAD)
         pitch_rad = smoothed_rad(
             state.gimbal_pitch_rad,
             self._camera_pitch_rad(observation, estimate, state, state.now_s),
-            step_s if look_down is None else 0.0,
+            step_s,
             self._parameters.approach.gimbal_time_constant_s,
         )
-        return state._replace(look_down=look_down, gimbal_pitch_rad=pitch_rad)
+        return state._replace(gimbal_pitch_rad=pitch_rad)
 
     def _camera_pitch_rad(
         self, observation: Observation, estimate: Estimated | None, state: PilotState, now_s: float

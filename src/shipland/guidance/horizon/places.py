@@ -14,7 +14,7 @@ from shipland.estimation.waves import WaveBank, WaveEstimate, WaveMotion, WavePa
 from shipland.frames import Array, rotated
 from shipland.guidance.horizon.parameters import MeasurementNoise
 from shipland.guidance.view import View
-from shipland.messages import BarPose, Box, DeckSight
+from shipland.messages import BarPose, Box
 from shipland.rig import Rig
 
 
@@ -49,7 +49,6 @@ class Places:
         self._ship_m = math.sqrt(rig.platform_width_m * rig.superstructure_height_m)
         self._ship_below_m = 0.5 * rig.superstructure_height_m - (rig.superstructure_height_m - rig.bar_height_m)
         self._bar_m = math.sqrt(board_width_m * board_height_m)
-        self._deck_in_bar_m = rig.deck_in_bar_m
 
     def of_pose(self, pose: BarPose, headings: Headings, nose_up_rad: float, speed_mps: float) -> SeenPlace:
         """The place of a pose.
@@ -84,26 +83,6 @@ class Places:
         covariance += (_NOSE_RAD**2) * np.outer(jacobian[:, 3], jacobian[:, 3])
         down_variance = float(pose.covariance[2, 2]) + floor + (ahead_m * _TILT_RAD) ** 2
         return SeenPlace(np.array([north_m, east_m]), covariance, down_m, down_variance, by_nose > 0.0)
-
-    def of_deck(self, sight: DeckSight, headings: Headings, nose_up_rad: float) -> SeenPlace:
-        """The place by a sight of the deck, as if the deck lay at its mean place.
-
-        Args:
-            sight: of the deck.
-            headings: at the picture.
-            nose_up_rad: by the newest attitude.
-        """
-        ahead_m, right_m, below_m = self._camera_in_body_m.tolist()
-        lever_m = np.array([ahead_m * math.cos(nose_up_rad) + below_m * math.sin(nose_up_rad), right_m])
-        camera_below_m = below_m * math.cos(nose_up_rad) - ahead_m * math.sin(nose_up_rad)
-        deck_m = rotated(self._deck_in_bar_m[:2], headings.bar_rad)
-        across_m = deck_m - rotated(lever_m + sight.centre_in_level_m[:2], headings.nose_rad)
-        cosine, sine = math.cos(headings.nose_rad), math.sin(headings.nose_rad)
-        axes = np.array([[cosine, -sine], [sine, cosine]])
-        covariance = axes @ np.diag(sight.deviation_m[:2] ** 2) @ axes.T + self._measured.place_m**2 * _EYE
-        down_m = float(self._deck_in_bar_m[2]) - float(sight.centre_in_level_m[2]) - camera_below_m
-        down_variance = float(sight.deviation_m[2]) ** 2 + (ahead_m * _TILT_RAD) ** 2
-        return SeenPlace(across_m, covariance, down_m, down_variance)
 
     def of_box(self, box: Box, is_bar: bool, camera_pitch_rad: float, headings: Headings) -> SeenPlace | None:
         """The place of a box: range from its area, bearing and elevation from its centre; None where it has none.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shipland.frames import Array
-from shipland.sim.scene.parameters import SceneParameters
+from shipland.sim.scene_parameters import SceneParameters
 
 KOSCHMIEDER_CONTRAST = 0.05
 """What is left of a black object's contrast at the visibility: 5 %, WMO's meteorological optical range."""

@@ -16,7 +16,6 @@ from shipland.sim.scene.block import BLOCK_BYTES, RenderView, block
 from shipland.sim.scene.labels import Labels, area_px2, label
 from shipland.sim.scene.light import light
 from shipland.sim.scene.mirror import AroundShip
-from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.picture import lay_over, reduce
 from shipland.sim.scene.sea import WaveTiles
 from shipland.sim.scene.ship import (
@@ -40,6 +39,7 @@ from shipland.sim.scene.view import (
     screen_box,
 )
 from shipland.sim.scene.weather import LensDrops, Rain, SensorNoise, sun_in_lens
+from shipland.sim.scene_parameters import SceneParameters
 from shipland.sim.state import SceneState
 
 _LABEL_SAMPLES = 512

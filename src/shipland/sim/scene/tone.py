@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.frames import Array
-from shipland.sim.scene.parameters import Tone
+from shipland.sim.scene_parameters import Tone
 
 FULL_SCALE = 8.0
 """Full scale of a uint16 picture of light, in units of the sensor's saturation; a step is 0.03 of a grey level."""

@@ -14,7 +14,6 @@ from shipland.compiled import compiled
 from shipland.config import key, parameters, require
 from shipland.frames import Array, Pose
 from shipland.rig import Rig
-from shipland.sim.air.wind import ShipPlace
 from shipland.sim.rotations import rows_of_euler
 from shipland.sim.ship.course import Course, CourseParameters, CourseState, StillCourse, build_course
 from shipland.sim.ship.deck_motion import (
@@ -29,6 +28,7 @@ from shipland.sim.ship.deck_motion import (
     rig_limits,
 )
 from shipland.sim.ship.sea import SeaParameters, deck_motion
+from shipland.sim.wind import ShipPlace
 
 __all__ = ["Ship", "ShipParameters", "ShipState", "Still", "StillCourse", "build_ship"]
 

@@ -18,8 +18,8 @@ from shipland.errors import DataError
 from shipland.messages import Box
 from shipland.vision.far.decode import STRIDES, Float32, suppress, to_boxes
 from shipland.vision.far.layouts import Reader, load_reader
-from shipland.vision.far.parameters import DetectorParameters, Precision
 from shipland.vision.far.runtime import native_bf16
+from shipland.vision.parameters import DetectorParameters, Precision
 
 Picture = npt.NDArray[np.uint8]
 Candidates = tuple[Float32, Float32, Float32]

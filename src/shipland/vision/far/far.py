@@ -15,8 +15,8 @@ from shipland.messages import Box, Frame, Observation
 from shipland.rig import Rig
 from shipland.vision.far.detector import Detector, Picture
 from shipland.vision.far.horizon_consistency import HorizonConsistency, Subject
-from shipland.vision.far.parameters import Confirmation, DetectorParameters
 from shipland.vision.far.search import NETWORK_STEP_PX, TargetSearch, inside
+from shipland.vision.parameters import Confirmation, DetectorParameters
 
 _ASPECT_RAD = math.radians(40.0)
 """From where a ship is approached: astern, give or take."""

@@ -15,7 +15,7 @@ import numpy as np
 from shipland.camera import Camera, level_from_camera
 from shipland.frames import Array
 from shipland.messages import Box, Frame, GimbalAttitude
-from shipland.vision.far.parameters import DetectorParameters
+from shipland.vision.parameters import DetectorParameters
 
 _MOST_EVIDENCE, _LEAST_EVIDENCE = 3.0, -6.0
 _LEAST_HEIGHT_M = 0.3

@@ -16,8 +16,8 @@ import numpy as np
 
 from shipland.errors import DataError
 from shipland.vision.far.decode import STRIDES, DetectorSpec, Float32, decode, sigmoid
-from shipland.vision.far.parameters import Precision, Runtime
 from shipland.vision.far.runtime import METADATA_KEY, Network, Picture, load_network
+from shipland.vision.parameters import Precision, Runtime
 
 Size = tuple[int, int]
 """Rows and columns of what the network sees [px]."""

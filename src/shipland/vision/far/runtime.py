@@ -13,7 +13,7 @@ from shipland.errors import DataError
 from shipland.extras import installed, require
 from shipland.files import check_digest
 from shipland.vision.far.decode import Float32
-from shipland.vision.far.parameters import Precision, Runtime
+from shipland.vision.parameters import Precision, Runtime
 
 INPUT_NAME = "picture"
 METADATA_KEY = "shipland_detector"

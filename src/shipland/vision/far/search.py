@@ -22,7 +22,7 @@ from shipland.frames import Array
 from shipland.messages import Box, Frame, GimbalAttitude
 from shipland.vision.far.detector import Detector, Picture
 from shipland.vision.far.horizon_consistency import HorizonConsistency, apart
-from shipland.vision.far.parameters import Confirmation, DetectorParameters
+from shipland.vision.parameters import Confirmation, DetectorParameters
 
 _MOST_LOG_ODDS = 3.0
 

@@ -20,7 +20,7 @@ from shipland.frames import Array
 from shipland.messages import DeckSight, Frame, GimbalAttitude, Observation
 from shipland.rig import DeckMark, Rig
 from shipland.vision.near.gates import Refusal
-from shipland.vision.near.parameters import DeckVisionParameters
+from shipland.vision.parameters import DeckVisionParameters
 
 Float = npt.NDArray[np.float32]
 Grey = npt.NDArray[np.uint8]

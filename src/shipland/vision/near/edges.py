@@ -13,8 +13,8 @@ from shipland.camera import Camera
 from shipland.compiled import compiled
 from shipland.frames import Array
 from shipland.vision.near.edge_pixels import Sides, contrasts, distort, set_on_even_ground, stations_of, take_pixels
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.segment import Image, edge_distances, reaches_edge
+from shipland.vision.parameters import VisionParameters
 
 _NODES, _LAST_NODE = 64, 8.5
 """Places a unit at which the normal distribution is tabulated, and up to where it differs from 0 and 1."""

@@ -15,8 +15,8 @@ from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import Rig
 from shipland.vision.attitude import AttitudeTrack
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
+from shipland.vision.parameters import VisionParameters
 from shipland.vision.pictures import FilePicture, Picture, is_film, pictures_of, read_picture
 
 _UNKNOWN_GIMBAL = GimbalAttitude(math.nan, math.nan)

@@ -11,7 +11,7 @@ import math
 from shipland.frames import Array, Pose
 from shipland.messages import BarPose, Frame, Observation
 from shipland.vision.near.covariance import position_and_yaw
-from shipland.vision.near.parameters import VisionParameters
+from shipland.vision.parameters import VisionParameters
 
 _REPROJECTION_NOISE = 4.0
 """Standard deviations of a corner that the reprojection error may have in addition."""

@@ -21,7 +21,6 @@ from shipland.vision.near.choice import Choice
 from shipland.vision.near.edges import MeasuredCorners, measure_corners
 from shipland.vision.near.gates import Refusal, gimbal_off, jumps
 from shipland.vision.near.hidden import cut_sides, hidden_sides, without
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.planar_pose import LevelPrior
 from shipland.vision.near.pose import Known, PoseCandidate, Setup, solve_pose
 from shipland.vision.near.regions import find_regions
@@ -30,6 +29,7 @@ from shipland.vision.near.still import Still
 from shipland.vision.near.strokes import measure_strokes, stroke_polygons
 from shipland.vision.near.track import Track
 from shipland.vision.near.validate import Screen, corners_are_sharp, validate
+from shipland.vision.parameters import VisionParameters
 
 MeasureCorners = Callable[[Image, Array, Camera, VisionParameters, float | None], MeasuredCorners | None]
 """Image, corners (n,4,2) to within two pixels, camera, parameters, blur of the last picture: corners at sub-pixel."""

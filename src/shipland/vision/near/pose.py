@@ -24,8 +24,8 @@ from shipland.vision.near.covariance import CODED_TAIL, GAUSSIAN_TAIL, bar_pose_
 from shipland.vision.near.edge_pixels import distort
 from shipland.vision.near.edges import MeasuredCorners
 from shipland.vision.near.hidden import Hidden, alike, seen_error_px
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.planar_pose import DISPROVED, Corners, LevelPrior, Solution, ordered, solve
+from shipland.vision.parameters import VisionParameters
 
 _AXES = np.eye(2)
 

@@ -18,7 +18,6 @@ from shipland.frames import Array
 from shipland.vision.near.edge_pixels import Sides, contrast_direction, distort
 from shipland.vision.near.edges import MeasuredCorners
 from shipland.vision.near.gates import Refusal
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision, Steps
 from shipland.vision.near.pose import PoseCandidate
 from shipland.vision.near.segment import (
@@ -30,6 +29,7 @@ from shipland.vision.near.segment import (
     quad_of_hull,
     region_of,
 )
+from shipland.vision.parameters import VisionParameters
 
 _LENGTH_TOLERANCE = 0.10
 """Largest relative difference of opposite sides' lengths [Lee2022, §Detected Points Screening]."""

@@ -13,8 +13,8 @@ import numpy as np
 
 from shipland.compiled import compiled
 from shipland.cue import Hue
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.segment import Contour, Image, Region, Window, opened_and_closed, outlines, region_of
+from shipland.vision.parameters import VisionParameters
 
 FLOOR = 20
 """Least saturated light of a cue's pixel [grey levels]: above what JPEG leaves of grey."""

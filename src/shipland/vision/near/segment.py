@@ -14,7 +14,7 @@ import numpy.typing as npt
 from shipland.cue import Hue
 from shipland.frames import Array
 from shipland.vision.near.outline import polygon_in_outline, support
-from shipland.vision.near.parameters import VisionParameters
+from shipland.vision.parameters import VisionParameters
 
 Image = npt.NDArray[np.uint8]
 Contour = npt.NDArray[np.int32]

@@ -18,9 +18,9 @@ from shipland.cue import Hue
 from shipland.frames import Array
 from shipland.vision.near.edge_pixels import LIGHT, distort
 from shipland.vision.near.edges import MeasuredCorners
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.regions import FLOOR, cue_light, find_regions
 from shipland.vision.near.segment import Image, Window, quad_around
+from shipland.vision.parameters import VisionParameters
 
 _ENLARGED = 3
 """Times that a cut of the picture is enlarged in which strokes are looked for."""

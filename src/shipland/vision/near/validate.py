@@ -11,8 +11,8 @@ import numpy as np
 from shipland.frames import Array, Pose
 from shipland.vision.near.gates import Refusal, largest_reprojection_px, within_reach
 from shipland.vision.near.hidden import may_be_hidden, seen_error_px
-from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.segment import Region, edge_distances
+from shipland.vision.parameters import VisionParameters
 
 if TYPE_CHECKING:
     from shipland.vision.near.edges import MeasuredCorners

@@ -18,7 +18,7 @@ import numpy as np
 from shipland.compiled import compiled
 from shipland.config import key, parameters
 from shipland.rig import Rig
-from shipland.sim.air.turbulence import (
+from shipland.sim.turbulence import (
     Dryden,
     Kaimal,
     Scales,

@@ -1,1 +1,0 @@
-"""The air: wind, turbulence, gusts, airwake."""
