@@ -10,7 +10,7 @@ from typing import Annotated
 import tyro
 
 from studies import ORDER
-from studies.harness import cases_where, listing, load, run
+from studies.harness import cases_where, confirm, listing, load, run
 from studies.tables import update_pages
 
 
@@ -20,6 +20,7 @@ def main(
     runs: int | None = None,
     workers: int = 2,
     where: tuple[str, ...] = (),
+    confirm_only: Annotated[bool, tyro.conf.arg(name="confirm")] = False,
     list_only: Annotated[bool, tyro.conf.arg(name="list")] = False,
 ) -> None:
     """Run studies into results/NAME.json, then write the tables of README and docs anew.
@@ -32,6 +33,8 @@ def main(
         runs: repetitions a case; the study's own by default.
         workers: processes.
         where: COLUMN=VALUE, only the cases that have it.
+        confirm_only: after a change that should move no figure, measure every tenth case of results of earlier code
+            again; where all come out to the digit, the others are taken over.
         list_only: print each study's question, size and duration, and run nothing.
     """
     if unknown := [pattern for pattern in names if not fnmatch.filter(ORDER, pattern)]:
@@ -52,6 +55,9 @@ def main(
             continue
         if not cases_where(study, wanted):
             raise SystemExit(f"studies: no case of {name} has {' and '.join(where)}")
+        if confirm_only:
+            print(confirm(name, study, workers), flush=True)
+            continue
         if not run(name, study, runs, workers, wanted):
             print(f"studies: stopped in {name}; run the command again to resume", file=sys.stderr)
             raise SystemExit(130)

@@ -122,6 +122,25 @@ def test_above_a_table_of_earlier_code_stands_a_note(study, tmp_path):
     assert page == head + tables.EARLIER.format("two") + tables.table("two", {})
 
 
+def test_results_of_earlier_code_are_taken_over_where_a_part_comes_out_the_same(study, tmp_path, monkeypatch):
+    made, measured = study
+    many = replace(made, cases=lambda: [{"number": number} for number in range(25)])
+    monkeypatch.setattr(harness, "load", lambda _: many)
+    monkeypatch.setattr(harness, "ProcessPoolExecutor", lambda workers, *_: ThreadPoolExecutor(1))
+    path = tmp_path / "results" / "two.json"
+    rows = [{**case, **made.measure(case, 3)} for case in many.cases()]
+    measured.clear()
+    write(path, rows, code="earlier")
+    assert "4 of 25 cases" in harness.confirm("two", many)
+    assert measured == [0, 10, 20, 24]
+    assert harness.read(path)["source"] == {"code": "this"}
+    rows[20]["twice"] += 1e-9
+    write(path, rows, code="earlier")
+    assert "{'number': 20} comes out otherwise" in harness.confirm("two", many)
+    assert harness.read(path)["source"] == {"code": "earlier"}
+    assert "anew" in harness.confirm("two", replace(many, alone=True))
+
+
 @pytest.mark.parametrize("page", list(tables.pages()), ids=lambda path: path.name)
 def test_pages_agree_with_the_results(page):
     tables.checked(page.read_text(encoding="utf-8"), page.name)
