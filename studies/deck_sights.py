@@ -76,7 +76,7 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=60,
-    measured=("camera.py", "frames.py", "guidance/horizon/descent.py", "rig.py", "sim/scene", "vision/near"),
+    measured=("camera.py", "frames.py", "rig.py", "sim/scene", "vision/near"),
     minutes=1,
     helpers=("studies/views.py",),
 )
