@@ -147,6 +147,12 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(1797)
 
 
+@pytest.fixture
+def unarranged(monkeypatch):
+    """Figures are drawn without arranging their parts, which takes as long as drawing: others arrange the same."""
+    monkeypatch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda *_: None)
+
+
 @pytest.fixture(autouse=True)
 def no_vision_fails_unnoticed(request, caplog):
     """In flight a vision that raises only costs its frame; a test it fails, unless marked `vision_fails`."""

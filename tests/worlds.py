@@ -9,12 +9,13 @@ import numpy as np
 
 from shipland.camera import CameraParameters
 from shipland.config import build
-from shipland.messages import Intent, PilotCommand
+from shipland.messages import Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
 from shipland.sim.aircraft.parameters import AircraftParameters
 from shipland.sim.ship.course import CourseState, StillCourse
 from shipland.sim.ship.deck_motion import DeckMotion, Sinusoids, Still
 from shipland.sim.ship.ship import Ship
+from shipland.sim.state import Snapshot
 from shipland.sim.touchdown import VerdictParameters
 from shipland.sim.wind import SteadyWind, Wind
 from shipland.sim.world import StartParameters, World
@@ -84,6 +85,16 @@ def come_down(flown: World, *, percent: float = -50.0, intent: Intent = Intent.L
     while not flown.over() and flown.t_s < most_s:
         flown.command(PilotCommand(flown.t_s, 0.0, 0.0, percent, 0.0, 0.0, intent))
         flown.advance(flown.t_s + 0.1)
+
+
+class NoCamera:
+    """In place of a `FrameServer`, whose process takes a second to start: nobody asks for a picture."""
+
+    def show(self, t_s: float, snapshot: Snapshot) -> None:
+        """Nothing."""
+
+    def end(self, verdict: TouchdownVerdict) -> None:
+        """Nothing."""
 
 
 class CircleCourse:

@@ -223,10 +223,10 @@ class Autopilot:
             self.send(m.MAVLink_heartbeat_message(m.MAV_TYPE_QUADROTOR, kind, base, self.mode, 4, 3))
         if turn % 100 == 0:
             self.send(m.MAVLink_battery_status_message(0, 0, 0, 300, [65535] * 10, 0, 0, 0, 87))
-        if turn % 2 == 0:
+        if turn % 4 == 0:
             self.send(m.MAVLink_attitude_message(boot_ms, self.roll, self.pitch, self.yaw, 0, 0, 0))
             self.send(m.MAVLink_local_position_ned_message(boot_ms, self.north, self.east, -self.up, north, east, -up))
-        if turn % 4 == 0:
+        if turn % 8 == 0:
             self.send(m.MAVLink_vfr_hud_message(0, 0, 0, int(100 * self.throttle), self.up, up))
             height_mm = int(1000 * self.up)
             self.send(m.MAVLink_global_position_int_message(boot_ms, 0, 0, height_mm, height_mm, 0, 0, 0, 0))

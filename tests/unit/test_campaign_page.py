@@ -54,12 +54,13 @@ def made_up(folder):
     return results
 
 
-@pytest.fixture
-def page(tmp_path):
-    cells = made_up(tmp_path)
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("page")
+    cells = made_up(folder)
     oracle_rates = {cells[0].group: OracleRate(0.97, Interval(0.9, 1.0), (0.1, 0.1), 0.1, 60)}
-    path = tmp_path / "report.html"
-    path.write_text(campaign_page(cells, ABOUT, oracle_rates, tmp_path), encoding="utf-8")
+    path = folder / "report.html"
+    path.write_text(campaign_page(cells, ABOUT, oracle_rates, folder), encoding="utf-8")
     return path
 
 

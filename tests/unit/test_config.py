@@ -188,7 +188,12 @@ class TestBuild:
             build(Settings, 3, "s")
 
     @hypothesis_settings(max_examples=40)
-    @given(st.dictionaries(st.text(), st.recursive(st.none() | st.booleans() | st.floats() | st.text(), st.lists)))
+    @given(
+        st.dictionaries(
+            st.text(),
+            st.recursive(st.none() | st.booleans() | st.floats() | st.text(), st.lists, max_leaves=8),
+        )
+    )
     def test_any_table_is_either_built_or_refused_in_the_family_of_errors(self, junk):
         with pytest.raises(ShiplandError):
             build(Settings, junk)

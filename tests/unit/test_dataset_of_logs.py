@@ -33,12 +33,13 @@ def made_up_log(path, seed=7, width_px=320, rate_hz=10.0, to_s=35.0, witnessed=T
     return path
 
 
-@pytest.fixture
-def flights(tmp_path):
+@pytest.fixture(scope="module")
+def flights(tmp_path_factory):
     """A folder of two flights with pictures."""
+    folder = tmp_path_factory.mktemp("flown")
     for seed in (1, 2):
-        made_up_log(tmp_path / "flown" / str(seed) / "flight.mcap", seed, to_s=34.0 + 0.5 * seed)
-    return tmp_path / "flown"
+        made_up_log(folder / str(seed) / "flight.mcap", seed, to_s=34.0 + 0.5 * seed)
+    return folder
 
 
 def lerobot_of(folder):
@@ -55,14 +56,15 @@ def lerobot_of(folder):
     return info, stats, rows, episodes
 
 
-@pytest.fixture
-def flown(tmp_path):
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
     """LeRobot's layout of two geometric flights of a second."""
+    folder = tmp_path_factory.mktemp("campaign")
     pytest.importorskip("pyarrow", reason="LeRobot's layout wants the extra dataset")
     options = {"settings": "time_limit_s=1", "runs": 2, "workers": 1, "progress": False, "oracle_motions": 0}
-    shipland.campaign(scenario="near", out=tmp_path / "flown", logs=True, **options)
-    write_dataset(tmp_path / "flown", tmp_path / "set", HERE, lerobot=True)
-    return tmp_path / "set" / "lerobot"
+    shipland.campaign(scenario="near", out=folder / "flown", logs=True, **options)
+    write_dataset(folder / "flown", folder / "set", HERE, lerobot=True)
+    return folder / "set" / "lerobot"
 
 
 def test_an_episode_is_a_flight(flown):
@@ -198,8 +200,7 @@ def test_what_cannot_be_made_is_said(flights, tmp_path, monkeypatch):
     (tmp_path / "set" / "lerobot").mkdir()
     with pytest.raises(DataError, match=r"lerobot is there already: name another --out"):
         write_dataset(flights, tmp_path / "set", HERE, lerobot=True)
-    made_up_log(flights / "3" / "flight.mcap", width_px=160)
-    logs = {str(seed): flights / str(seed) / "flight.mcap" for seed in (1, 3)}
+    logs = {"wide": flights / "1" / "flight.mcap", "narrow": made_up_log(tmp_path / "narrow.mcap", width_px=160)}
     with pytest.raises(DataError, match="of another size"):
         write_lerobot(logs, tmp_path / "other")
     with pytest.raises(DataError, match="two cycles"):

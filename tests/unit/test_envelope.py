@@ -164,7 +164,7 @@ def test_the_command_leaves_a_picture_a_table_and_json(flown, tmp_path, monkeypa
     assert "wind.from_deg" in (tmp_path / "flights.csv").read_text().splitlines()[0]
 
 
-def test_several_envelopes_share_a_picture(flown, tmp_path):
+def test_several_envelopes_share_a_picture(flown, unarranged, tmp_path):
     grid = EnvelopeGrid((10.0,), (0.0, 90.0), runs=1, most=1)
     bases = bases_of(SuiteEntry(("rig-natops",)), Overrides(("p", "horizon")))
     found = fly_envelopes(bases, grid, out=None, workers=1, progress=False)

@@ -19,7 +19,7 @@ from shipland.scenario.faults import Fault, FaultDraw, FaultKind, faults_of, wit
 from shipland.scenario.fly import fly_quietly
 from shipland.scenario.scenario import load_scenario
 
-START_S, LONG_S, LONGEST_S = 1.0, 2.0, 4.5
+START_S, LONG_S, LONGEST_S = 1.0, 2.0, 4.2
 """A fault begins, lasts, and the flight ends."""
 HOVER = PilotCommand(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 

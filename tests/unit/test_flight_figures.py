@@ -59,7 +59,7 @@ def test_touchdowns_of_landed_missed_and_lost_flights():
     assert np.isnan(dots.place_in_deck_m[2]).all()
 
 
-def test_pictures_are_remade_bit_by_bit(tmp_path):
+def test_pictures_are_remade_bit_by_bit(unarranged, tmp_path):
     log = log_of(verdict=None)
     for name, draw in (
         ("all.png", lambda path: plot_trajectories(path, [log_of(), log], "two", PARAMETERS)),

@@ -16,18 +16,20 @@ from shipland.report.dataset import Described, write_dataset
 HERE = Described("made-up", "https://creativecommons.org/licenses/by/4.0/", "https://example.org/made-up")
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
     def land(flight):
         if flight.seed == 2:
             flight.log.parent.mkdir(parents=True, exist_ok=True)
             flight.log.write_bytes(b"a log")
         return seeded(NOWHERE if flight.seed == 2 else GOOD, flight.seed)
 
-    monkeypatch.setattr(job, "land_once", land)
+    out = tmp_path_factory.mktemp("campaign") / "flown"
     options = {"settings": "wind.mean_mps=0,5", "runs": 3, "workers": 1, "progress": False, "oracle_motions": 0}
-    shipland.campaign("near", out=tmp_path / "flown", **options)
-    return tmp_path / "flown"
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(job, "land_once", land)
+        shipland.campaign("near", out=out, **options)
+    return out
 
 
 def test_rows_logs_and_card_agree(folder, tmp_path):

@@ -17,6 +17,7 @@ pytest.importorskip("onnx", reason="the extra train is not installed")
 from shipland.learning.policy.export import Dense, write_policy
 
 RESIDUAL = Action("residual", 0.5, 1.5)
+NEAR = {"start.distance_m": 4.0, "start.distance_half_range_m": 0.0}
 
 
 @pytest.fixture
@@ -44,7 +45,7 @@ def seen(**values):
 def flown(pilot, path=None, **overrides):
     key = {"residual": "guidance.learned.residual", "learned": "guidance.learned.direct"}.get(pilot)
     settings = overrides | ({key: path} if path is not None else {})
-    return shipland.fly(load_scenario("near", **settings), pilot=pilot, vision="geometric", seed=3)
+    return shipland.fly(load_scenario("near", **(NEAR | settings)), pilot=pilot, vision="geometric", seed=3)
 
 
 def sticks(flight):

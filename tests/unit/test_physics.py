@@ -16,9 +16,9 @@ from shipland.errors import ConfigError
 from shipland.frames import euler_from_rotation, rotation_from_quaternion
 from shipland.scenario.scenario import load_scenario
 from shipland.sim.aircraft.servo import thrust_share
-from shipland.sitl.frame_server import FrameServer
 from shipland.sitl.physics import STEP_S, FlightStep, LaunchHold, RealTimeFactor, ServedFlight
 from shipland.sitl.servo_link import JsonLink, ServoPacket, mount_pitch_rad, state_line
+from worlds import NoCamera
 
 
 def packet(count: int, motors_us: list[float], gimbal_us: int = 0) -> bytes:
@@ -125,8 +125,8 @@ def test_a_packet_sent_again_gets_its_answer_again_and_no_step() -> None:
     said: list[str] = []
 
     def serve() -> None:
-        with JsonLink("127.0.0.1", port) as link, FrameServer(scenario, 3, "127.0.0.1", free_port(), False) as frames:
-            ServedFlight(LaunchHold(scenario, 3, 0.0), frames, said.append).over(link)
+        with JsonLink("127.0.0.1", port) as link:
+            ServedFlight(LaunchHold(scenario, 3, 0.0), NoCamera(), said.append).over(link)
 
     served = threading.Thread(target=serve, daemon=True)
     served.start()

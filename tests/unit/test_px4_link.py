@@ -16,10 +16,10 @@ from shipland.errors import ConfigError
 from shipland.messages import TouchdownVerdict
 from shipland.scenario.scenario import Scenario, load_scenario
 from shipland.sim.aircraft.record import RigidBodyState
-from shipland.sitl.frame_server import FrameServer
 from shipland.sitl.physics import LaunchHold, ServedFlight
 from shipland.sitl.px4_link import Px4Link, SimulatedSensors, pressure_hpa
 from shipland.vehicles.mavlink.dialect import dialect
+from worlds import NoCamera
 
 LEVEL = RigidBodyState((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
@@ -55,9 +55,8 @@ class Client:
 
 
 def serve(scenario: Scenario, port: int, climb_m: float, say: Callable[[str], None]) -> TouchdownVerdict | None:
-    link = Px4Link("127.0.0.1", port, 3)
-    with link, FrameServer(scenario, 3, "127.0.0.1", free_port(), pictures=False) as frames:
-        return ServedFlight(LaunchHold(scenario, 3, climb_m), frames, say).over(link)
+    with Px4Link("127.0.0.1", port, 3) as link:
+        return ServedFlight(LaunchHold(scenario, 3, climb_m), NoCamera(), say).over(link)
 
 
 def test_a_client_flies_it_in_lockstep_until_the_verdict() -> None:

@@ -94,7 +94,7 @@ def _flight(rng, model, velocity, steps=400):
 @pytest.mark.parametrize("motion", [TILT, SERVO])
 def test_errors_are_as_large_as_the_covariance_says(motion, velocity):
     model, rng = Model(2, motion, NOISE, SWING_OF_SHIP), np.random.default_rng(1)
-    results = [_flight(rng, model, velocity, steps=150) for _ in range(60)]
+    results = [_flight(rng, model, velocity, steps=75) for _ in range(60)]
     nees, nis = np.mean(results, axis=0)
     # Chi-squared of 8 and of 2 degrees of freedom; the mean of 60 flights, four standard deviations.
     assert nees == pytest.approx(8.0, abs=4.0 * math.sqrt(16.0 / 60.0))

@@ -39,6 +39,14 @@ def scene() -> Iterator[Scene]:
     made.close()
 
 
+@pytest.fixture(scope="module")
+def slow_shutter() -> Iterator[Scene]:
+    """Exposes for 20 ms, and its cue shines brighter than the sensor takes."""
+    made = scene_with(shutter_s=0.02, lamp=3.0)
+    yield made
+    made.close()
+
+
 def scene_with(**changes: float) -> Scene:
     return Scene(RIG, dataclasses.replace(PARAMETERS, **changes), np.random.default_rng(1))
 
@@ -258,12 +266,10 @@ def test_noise_has_its_deviation_and_needs_a_generator() -> None:
     assert abs(np.corrcoef(noise[::7, ::7].ravel(), other[::7, ::7].ravel())[0, 1]) < 0.05
 
 
-def test_motion_blur_widens_edges_by_the_way_and_moves_them_not() -> None:
-    scene = scene_with(shutter_s=0.02)
+def test_motion_blur_widens_edges_by_the_way_and_moves_them_not(slow_shutter: Scene) -> None:
     rate = np.array([0.0, 0.4, 0.0])  # rad/s to the right: 0.02 s × 0.4 rad/s × 931 px = 7.4 px
     still, moving = look((-5.0, 0.0, 0.0)), look((-5.0, 0.0, 0.0), rate_rad_s=rate)
-    row = greenness(scene.light(still, CAMERA))[360], greenness(scene.light(moving, CAMERA))[360]
-    scene.close()
+    row = greenness(slow_shutter.light(still, CAMERA))[360], greenness(slow_shutter.light(moving, CAMERA))[360]
     left = in_picture(still, CAMERA, QUADS[0])[0, 0]
     span = slice(int(left) - 15, int(left) + 16)
     sharp, soft = (np.clip((line[span] - line[span].min()) / np.ptp(line[span]), 0, 1) for line in row)
@@ -415,11 +421,9 @@ def test_a_pixel_half_under_a_rectangle_shows_half_of_its_light(scene: Scene, ra
     assert shown[column, 1] - of_display_values[1] > 40.0  # half of twice the saturation is white
 
 
-def test_motion_blur_averages_light_before_the_sensor_clips() -> None:
-    scene = scene_with(shutter_s=0.02, lamp=3.0)
+def test_motion_blur_averages_light_before_the_sensor_clips(slow_shutter: Scene) -> None:
     still, moving = look((-5.0, 0.0, 0.0)), look((-5.0, 0.0, 0.0), rate_rad_s=np.array([0.0, 0.4, 0.0]))
-    sharp, soft = (scene.light(state, CAMERA)[350:370].astype(float) for state in (still, moving))
-    scene.close()
+    sharp, soft = (slow_shutter.light(state, CAMERA)[350:370].astype(float) for state in (still, moving))
     assert sharp.max() * FULL_SCALE / 65535.0 > 2.0  # beyond the sensor's saturation
     assert soft[..., 1].sum() == pytest.approx(sharp[..., 1].sum(), rel=0.01)
 

@@ -121,7 +121,7 @@ def grey_chase(truth):
     return np.full((540, 640, 3), 90, np.uint8)
 
 
-def test_a_flight_leaves_its_folder(tmp_path):
+def test_a_flight_leaves_its_folder(unarranged, tmp_path):
     with Recorder(tmp_path / "out", INFO, RIG, CAMERA, QUICK, grey_chase) as recorder:
         for record in flight(from_s=33.0):
             recorder.append(record)
@@ -137,7 +137,7 @@ def test_a_flight_leaves_its_folder(tmp_path):
     assert {"log", "video", "chase"} <= set(timing["stages"])
 
 
-def test_the_figures_follow_from_the_log_alone_and_are_the_same_twice(tmp_path):
+def test_the_figures_follow_from_the_log_alone_and_are_the_same_twice(unarranged, tmp_path):
     texts = []
     for name in ("a", "b"):
         with Recorder(tmp_path / name, INFO, RIG, CAMERA, QUICK, video=False) as recorder:
@@ -153,7 +153,7 @@ def test_the_figures_follow_from_the_log_alone_and_are_the_same_twice(tmp_path):
     assert (tmp_path / "a" / "plots.png").read_bytes() == (tmp_path / "b" / "plots.png").read_bytes()
 
 
-def test_ctrl_c_leaves_everything_of_what_was_flown(tmp_path):
+def test_ctrl_c_leaves_everything_of_what_was_flown(unarranged, tmp_path):
     with pytest.raises(KeyboardInterrupt), Recorder(tmp_path, INFO, RIG, CAMERA, QUICK) as recorder:
         for count, record in enumerate(flight(from_s=20.0)):
             if count == 20:

@@ -69,9 +69,11 @@ def transforms(record: FlightRecord, rig: Rig) -> list[FrameTransform]:
             parent_frame_id=parent,
             child_frame_id=child,
             translation=_vector(pose.translation_m),
-            rotation=_quaternion(pose.rotation),
+            rotation=rotation,
         )
-        for parent, child, pose in edges
+        for (parent, child, pose), rotation in zip(
+            edges, _quaternions(np.array([pose.rotation for _, _, pose in edges])), strict=True
+        )
     ]
 
 
@@ -106,7 +108,8 @@ def _estimated(record: FlightRecord, rig: Rig) -> list[tuple[str, str, Pose]]:
 
 def pose_message(position_m: Array, yaw_rad: float) -> PoseMessage:
     """A place (3,) [m] and a heading about the down axis."""
-    return PoseMessage(position=_vector(position_m), orientation=_quaternion(rotation_from_euler(0.0, 0.0, yaw_rad)))
+    (orientation,) = _quaternions(rotation_from_euler(0.0, 0.0, yaw_rad)[None])
+    return PoseMessage(position=_vector(position_m), orientation=orientation)
 
 
 def calibration(camera: Camera, time_ns: int) -> CameraCalibration:
@@ -196,9 +199,10 @@ def _vector(values: Array) -> Vector3:
     return Vector3(x=float(values[0]), y=float(values[1]), z=float(values[2]))
 
 
-def _quaternion(rotation: Array) -> Quaternion:
-    x, y, z, w = (float(value) for value in Rotation.from_matrix(rotation).as_quat(canonical=True))
-    return Quaternion(x=x, y=y, z=z, w=w)
+def _quaternions(rotations: Array) -> list[Quaternion]:
+    """Of (n,3,3): SciPy takes as long for one as for many."""
+    found = Rotation.from_matrix(rotations).as_quat(canonical=True).tolist()
+    return [Quaternion(x=x, y=y, z=z, w=w) for x, y, z, w in found]
 
 
 def _place(centre_m: tuple[float, ...]) -> PoseMessage:
