@@ -39,7 +39,8 @@ def cache_folder(package: Path) -> Path | None:
     """The folder of the machine code of a package, another one for other sources; None where none can be written.
 
     Numba looks for changes in the file of a function only, not in those of the functions that it calls: it would go on
-    with the machine code of before.
+    with the machine code of before. A file counts that holds the word `@compiled`; one whose functions are compiled by
+    others says so.
     """
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):

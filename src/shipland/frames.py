@@ -18,7 +18,8 @@ All frames are right-handed; lengths in metres, angles in radians. `a_from_b` ma
 coordinates in `a`. Euler angles are yaw-pitch-roll (z, then y, then x, about moving axes).
 
 The conversions are written by hand in plain floats, not with SciPy's `Rotation`: the simulated physics calls them
-several times in every 2-ms tick, where building an array or an object costs ten times the arithmetic.
+several times in every 2-ms tick, where building an array or an object costs ten times the arithmetic. There they are
+`@compiled` by their callers.
 """
 
 from __future__ import annotations

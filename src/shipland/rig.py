@@ -61,6 +61,8 @@ def in_area(area: str, size_m: float, forward_m: float, starboard_m: float) -> b
 def view_share(ahead_m: float, right_m: float, half_m: float, box_m: tuple[float, float, float, float]) -> float:
     """Share of a square view, straight down, that shows a box: what part of an optical flow is the ship's.
 
+    `@compiled` by its caller.
+
     Args:
         ahead_m: the view's centre, in the axes of the box.
         right_m: likewise.

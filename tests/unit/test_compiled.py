@@ -1,5 +1,6 @@
 """Compilation: machine code belongs to the sources that it was made of."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,14 @@ def folder(tmp_path):
 def test_other_sources_have_another_folder(folder):
     assert folder(1) != folder(2)
     assert folder(1, "plain code changes nothing") == folder(1)
+
+
+def test_a_file_whose_functions_others_compile_says_so():
+    sources = {path: path.read_text(encoding="utf-8") for path in Path(module.__file__).parent.rglob("*.py")}
+    called = {name for text in sources.values() for name in re.findall(r"(?<![@\w] )\bcompiled\((\w+)\)", text)}
+    homes = {path for path, text in sources.items() for name in called if re.search(rf"^def {name}\(", text, re.M)}
+    assert homes
+    assert not [path for path in homes if "@compiled" not in sources[path]]
 
 
 def test_where_nothing_can_be_written_functions_are_compiled_without_a_cache(monkeypatch):
