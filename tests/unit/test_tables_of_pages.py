@@ -26,7 +26,7 @@ TYPED = {
 UNMEASURED = frozenset(
     """
     speed_peers
-    film_errors frigate_recall
+    frigate_recall
     published_gains margins winds measurements faults full hazards
     frigate wake headline far_rendered frigate_rendered policies envelope
     """.split()  # noqa: SIM905
