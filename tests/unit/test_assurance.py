@@ -24,8 +24,9 @@ from shipland.messages import (
 )
 from shipland.rig import Rig
 from shipland.safety.assurance import Safety, SafetyParameters
+from shipland.safety.estimate import SafetyEstimate
 from shipland.safety.monitor import Action, stopping_distance_m
-from shipland.safety.recovery import Recovery, Rung, Switch, next_switch
+from shipland.safety.recovery import Recovery, Rung, Switch, next_switch, sticks_of
 
 PARAMETERS = SafetyParameters()
 TABLE = plain(PARAMETERS)
@@ -246,6 +247,24 @@ def test_a_go_around_ends_high_and_astern_and_hands_the_aircraft_back(response):
     assert flight.over_deck_m > 0.9 * RECOVERY.clear_height_m
     assert flight.place_m[0] < DECK_M[0] - 0.8 * RECOVERY.clear_back_m
     assert abs(flight.place_m[1]) < 1.5
+
+
+def test_a_return_on_which_nothing_tells_the_way_does_not_fly_on_for_ever():
+    flight = Flight(over_deck(3.0, -4.0), response=SPEEDS, tell=lambda it: replace(it, velocity_in_level_mps=None))
+    flight.fly(2.0, {})
+    flight.safety._switch = Switch(Recovery(Rung.RETURN, flight.t_s, "the wind", final=True))
+    flight.seen = False
+    flight.fly(60.0, {})
+    assert -flight.place_m[0] < RECOVERY.return_m + 2.0
+
+
+@pytest.mark.parametrize("heading_rad", [0.0, 0.5 * math.pi, math.pi])
+def test_a_blind_go_around_backs_along_the_bars_axis_wherever_the_nose_points(heading_rad):
+    estimate = SafetyEstimate(t_s=100.0, pose_s=90.0, bar_heading_rad=0.0, heading_rad=heading_rad)
+    command = sticks_of(Rung.GO_AROUND, estimate, 100.0, 0.0, SPEEDS, RECOVERY)
+    ahead_mps, right_mps = (SPEEDS.input_of(it) for it in (command.pitch_percent, command.roll_percent))
+    along_mps = ahead_mps * math.cos(heading_rad) - right_mps * math.sin(heading_rad)
+    assert along_mps == pytest.approx(-RECOVERY.astern_mps)
 
 
 def test_a_ship_that_backs_up_under_a_go_around_does_not_catch_it():

@@ -225,6 +225,20 @@ def test_time_limit_counts_from_the_first_frame(start_s):
     assert vehicle.closed
 
 
+def test_a_landing_that_has_begun_is_not_cut_by_the_time_limit(monkeypatch):
+    landing = replace(PilotCommand.hold(0.0, 0.0), heave_percent=-20.0, intent=Intent.LAND)
+
+    class Lands:
+        def decide(self, observation, telemetry, sent):
+            return Decision(replace(landing, t_s=telemetry.t_s), Mode.LAND, "")
+
+    flown = replace(autonomy(), pilot=Lands())
+    monkeypatch.setattr(flown.safety, "check", lambda decision, *_: decision)
+    result = fly(Recorded(60), flown, 1.0, lambda: 0.0, lambda _: None)
+    assert (result.cycles, result.reason) == (60, "the flight is over")
+    assert fly(Recorded(2000), flown, 1.0, lambda: 0.0, lambda _: None).t_s < 32.0
+
+
 class Leaping(Recorded):
     """Its clock is wrong by a million seconds in the first frames."""
 

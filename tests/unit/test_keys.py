@@ -25,7 +25,17 @@ def keyboard(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("typed", "pressed"), [("hc", CLIMB), ("ch", HOLD), ("chr", None), ("hx", HOLD), ("\x1b[Ahé", HOLD)]
+    ("typed", "pressed"),
+    [
+        ("hc", CLIMB),
+        ("ch", HOLD),
+        ("chr", None),
+        ("hx", HOLD),
+        ("\x1b[Ahé", HOLD),
+        ("C", CLIMB),
+        ("H", HOLD),
+        ("h\x1b[C\x1bOr", HOLD),
+    ],
 )
 def test_of_several_keys_in_one_cycle_the_last_holds(typed, pressed, monkeypatch):
     with keyboard(monkeypatch) as (keys, typist):

@@ -115,8 +115,9 @@ def sticks_of(
     astern_mps = parameters.astern_mps if rung in _AWAY else 0.0
     if over_m is not None and over_m < _FEET_FREE_M:
         astern_mps = 0.0  # feet that still stand would tip it over
-    if rung is Rung.RETURN and estimate.bar_in_level()[0] >= parameters.return_m:
-        astern_mps = 0.0
+    told = estimate.velocity_mps is not None or estimate.velocity_at(t_s, parameters.blind_s) is not None
+    if rung is Rung.RETURN and (estimate.bar_in_level()[0] >= parameters.return_m or not told):
+        astern_mps = 0.0  # there, or without anything that tells the way made good: it would never end
     pitch_percent, roll_percent = _level_sticks(estimate, t_s, -astern_mps, response, parameters)
     still = climb_percent == pitch_percent == roll_percent == 0.0
     intent = Intent.LAND if rung is Rung.LAND else Intent.HOLD if still else Intent.GO_AROUND
@@ -147,9 +148,10 @@ def _level_sticks(
 
 
 def _blind_sticks(estimate: SafetyEstimate, forward_mps: float, response: Response) -> tuple[float, float]:
-    """Without poses: back along the nose, where a stick means a speed; else what holds the place."""
+    """Without poses: back along the bar's axis, where a stick means a speed; else what holds the place."""
     if response.kind == "velocity":
-        return _stick(forward_mps, response), 0.0
+        ahead, right = turned(forward_mps, 0.0, estimate.bar_in_level_rad())
+        return _stick(ahead, response), _stick(right, response)
     if response.hold_below_percent > 0.0:
         return 0.0, 0.0  # released sticks hold
     held = _held_in_level(estimate)

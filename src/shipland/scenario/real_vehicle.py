@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import select
 import signal
 import sys
@@ -138,12 +139,20 @@ def checklist(
         *(Check(name, ok, words) for name, ok in calibrated),
         Check("cue", True, f"{target.count} quadrilaterals, {wide_m:.3f} × {tall_m:.3f} m: measure the real one"),
         *own,
+        _keys_check(),
         wind_check(wind_mps, response, limits.wind_share),
         Check(
             "own fence", True,
             f"{safety.fence_distance_m:g} m from the bar, {safety.fence_height_m:g} m over the take-off point",
         ),
     ]  # fmt: skip
+
+
+def _keys_check() -> Check:
+    """Whether a person's keys will be heard; a flight without them is the user's to choose."""
+    if _terminal() is not None:
+        return Check("keys", True, "heard: h holds, c climbs, r gives back")
+    return Check("keys", True, "WARNING: no terminal in the foreground: h, c and r are not heard, only Ctrl-C's signal")
 
 
 def wind_check(wind_mps: float, response: Response, share: float) -> Check:
@@ -172,6 +181,8 @@ def require_passed(checks: list[Check]) -> None:
 
 _OVERRIDES = {"h": Override.HOLD, "c": Override.CLIMB, "r": None}
 """Hold, climb, and back to the pilot."""
+_SEQUENCE = re.compile(r"\x1b(\[[0-;]*|O).")
+"""What an arrow or a function key types; its last letter is no key."""
 
 
 class Keys:
@@ -182,12 +193,12 @@ class Keys:
         self._terminal: int | None = None
 
     def press(self, key: str) -> None:
-        """A key was pressed; others than the three do nothing."""
-        self._override = _OVERRIDES.get(key, self._override)
+        """A key was pressed, in either case; others than the three do nothing."""
+        self._override = _OVERRIDES.get(key.lower(), self._override)
 
     def override(self) -> Override | None:
         """What the last key asks for; None while the pilot flies. Never waits, never raises."""
-        for key in self._typed():
+        for key in _SEQUENCE.sub("", self._typed()):
             self.press(key)
         return self._override
 
