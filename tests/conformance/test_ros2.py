@@ -83,6 +83,35 @@ def test_nothing_is_commanded_before_the_drone_obeys_nor_after_it_does_not() -> 
         assert drone.wanted is before  # no set-point in ten turns
 
 
+@pytest.mark.parametrize("mode", ["LOITER", "AUTO.RTL"])
+def test_a_pilots_mode_that_mavros_calls_guided_is_a_takeover(mode: str) -> None:
+    """An ArduPilot sets MAV_MODE_FLAG_GUIDED_ENABLED in LOITER, BRAKE and RTL, a PX4 in every AUTO."""
+    with bench(engage_timeout_s=1.0) as (vehicle, drone):
+        drone.mode = mode
+        with pytest.raises(VehicleError, match=f"mode {mode}"):
+            vehicle.open()
+    with bench() as (vehicle, drone):
+        vehicle.open()
+        vehicle.send(command())
+        assert until(lambda: drone.wanted.forward > 0.0)
+        drone.mode = mode
+        assert until(lambda: bool(vehicle.end_reason))
+        assert vehicle.end_reason == f"the pilot took over: {mode}"
+
+
+@pytest.mark.parametrize("how", ["taken over", "closed"])
+def test_motors_may_no_longer_stop_once_it_is_not_ours(how: str) -> None:
+    with bench() as (vehicle, drone):
+        vehicle.open()
+        vehicle.send(command(Intent.LAND))
+        assert until(lambda: drone.landing)
+        if how == "closed":
+            vehicle.close()
+        else:
+            drone.guided = False
+        assert until(lambda: not drone.landing)
+
+
 def test_a_drone_that_never_obeys_is_said_to() -> None:
     with bench(engage_timeout_s=0.3) as (vehicle, drone):
         drone.armed = False

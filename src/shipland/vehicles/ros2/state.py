@@ -21,11 +21,20 @@ _SLOW_S = 10.0
 """A battery that is reported less often is not known."""
 
 
+_OBEYING = ("OFFBOARD", "GUIDED", "GUIDED_NOGPS", "")
+"""Modes that obey set-points, by mavros's names; a vehicle without modes gives none."""
+
+
+def obeys_set_points(state: Any) -> bool:  # noqa: ANN401
+    """Whether a mavros_msgs/State says so: mavros's `guided` alone is true in LOITER, RTL and AUTO as well."""
+    return bool(state.guided) and state.mode in _OBEYING
+
+
 class Heard:
     """The vehicle's messages, merged on the node's thread, read from any.
 
-    Control is ours while the vehicle says that it is armed and obeys set-points (`guided`); once it has been ours,
-    the first message that says otherwise ends it for good.
+    Control is ours while the vehicle says that it is armed and obeys set-points (`obeys_set_points`); once it has been
+    ours, the first message that says otherwise ends it for good.
     """
 
     def __init__(self) -> None:
@@ -73,7 +82,7 @@ class Heard:
             self._state, self.state_s = state, time.monotonic()
             if self._engaged and not state.armed:
                 self._lose("landed: the motors have stopped" if self.landing else "the motors have stopped")
-            elif self._engaged and not state.guided:
+            elif self._engaged and not obeys_set_points(state):
                 self._lose(f"the pilot took over: {state.mode or 'no mode given'}")
             self._changed.notify_all()
 
@@ -94,7 +103,7 @@ class Heard:
     @property
     def obeys(self) -> bool:
         """Armed and obeying set-points, by its own word."""
-        return self._state is not None and bool(self._state.armed and self._state.guided)
+        return self._state is not None and bool(self._state.armed) and obeys_set_points(self._state)
 
     @property
     def ours(self) -> bool:
