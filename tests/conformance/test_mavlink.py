@@ -21,6 +21,7 @@ from shipland.errors import VehicleError
 from shipland.messages import BarPose, Decision, FlightRecord, Intent, Observation, PilotCommand
 from shipland.rig import Rig
 from shipland.stopping import stop_requests
+from shipland.vehicles.mavlink.dialect import Codec, dialect
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setup import Engagement
 from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
@@ -454,6 +455,74 @@ def test_a_pilots_mode_ends_the_autopilots_own_landing_too() -> None:
         autopilot.say("mode 5")
         assert not fly(vehicle, 3.0, 0.0, 0.0, 0.0, 0.0)
         assert "LOITER" in vehicle.end_reason
+
+
+def test_a_stop_in_the_autopilots_own_landing_holds() -> None:
+    """Without us nobody tells it where the deck is: it would land where it is."""
+    with bench(engagement=Engagement(take=True, own_landing=True)) as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert autopilot.report()["mode"] == OWN_LANDING["ardupilot"]
+        vehicle.close()
+        assert autopilot.report()["mode"] == 17
+
+
+def test_a_pilot_at_the_sticks_has_the_autopilots_own_landing_and_keeps_the_mode_chosen_next() -> None:
+    with bench(engagement=Engagement(take=True, own_landing=True)) as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        autopilot.say("sticks 1500 1700")
+        assert until(lambda: autopilot.report()["mode"] == 5)
+        assert until(lambda: bool(vehicle.end_reason))
+        assert "sticks" in vehicle.end_reason
+        for mode in (9, 4):  # the pilot lands; the pilot gives it to somebody else
+            time.sleep(0.3)
+            autopilot.say(f"mode {mode}")
+            time.sleep(1.2)
+            assert autopilot.report()["mode"] == mode
+
+
+def test_a_mode_that_a_person_chose_unheard_is_not_taken_away_by_our_end() -> None:
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.5, 20.0, 0.0, 0.0, 0.0)
+        autopilot.say("mute 10")
+        time.sleep(0.5)
+        autopilot.say("mode 5")
+        assert autopilot.report()["mode"] == 5
+        vehicle.close()
+        assert autopilot.report()["mode"] == 5
+
+
+def test_a_parameter_that_changes_what_sticks_mean_ends_the_flight_in_a_hold() -> None:
+    """With GUID_OPTIONS = 8 the thrust that asks for a descent is a thrust far below the weight."""
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.5, 20.0, 0.0, -50.0, 0.0)
+        autopilot.say("set WPNAV_SPEED 600")  # no stick means it
+        autopilot.say("set MOT_THST_HOVER 0.4")  # it learns that by itself
+        assert fly(vehicle, 0.5, 20.0, 0.0, -50.0, 0.0)
+        autopilot.say("set GUID_OPTIONS 8")
+        assert until(lambda: autopilot.report()["values"] == [0.0, 0.0, 0.0, 0.0])
+        assert vehicle.read() is None
+        assert "GUID_OPTIONS from 0 to 8" in vehicle.end_reason
+        vehicle.close()
+        assert autopilot.report()["mode"] == 17
+
+
+@pytest.mark.parametrize(
+    ("ids", "name", "words"),
+    [((7, 1), "one vehicle", "system 7"), ((245, 191), "one shipland", "system 245, component 191"), ((255, 190), "", "")],
+)
+def test_a_second_vehicle_and_a_second_shipland_are_no_start(ids: tuple[int, int], name: str, words: str) -> None:
+    with bench() as (vehicle, _, _):
+        vehicle.connect()
+        assert not [check for check in vehicle.checks() if check.name.startswith("one ")]
+        beat = dialect.MAVLink_heartbeat_message(2, 3 if ids[1] == 1 else 8, 129, 4, 4, 3)
+        vehicle.session.link.take(Codec(*ids).encode(beat), "elsewhere:1", time.monotonic())
+        found = [check for check in vehicle.checks() if check.name.startswith("one ")]
+        assert [check.name for check in found] == ([name] if name else [])
+        assert all(not check.ok and words in check.words for check in found)
 
 
 @pytest.mark.parametrize(("kind", "mode"), [("ardupilot", 17), ("px4", 4 << 16 | 3 << 24)])

@@ -4,6 +4,7 @@ import itertools
 import math
 import sys
 import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -139,6 +140,18 @@ def test_answers_to_another_ground_station_are_not_ours() -> None:
     for targets in ((0, 0), (245, 191), (245, 0)):
         feed(made, m.MAVLink_command_ack_message(400, 4, 0, 0, *targets), 100.2)
     assert made.state.acknowledged == {400: (4, 3)}
+
+
+def test_no_mode_is_asked_for_while_the_present_one_is_not_known() -> None:
+    """A heartbeat that is old may hide a person's mode."""
+    for age_s, sent in ((0.5, 1), (2.0, 0)):
+        made, port, _ = session()
+        feed(made, heartbeat(), time.monotonic() - age_s)
+        made.command(m.MAV_CMD_DO_SET_MODE, 1, 5)
+        made.hand_over(0)
+        assert len(port.sent) == 2 * sent
+        made.command(m.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+        assert len(port.sent) == 2 * sent + 1
 
 
 def test_a_second_batterys_charge_is_not_the_firsts() -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import logging
 import struct
 import threading
 import time
@@ -17,11 +18,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from shipland.errors import ConfigError
+from shipland.soundness import is_new
 from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
 from shipland.vehicles.mavlink.guard import Orders
 
 if TYPE_CHECKING:
     from shipland.vehicles.mavlink.guard_process import GuardedPort
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass
@@ -67,8 +71,11 @@ class MavlinkLink:
         self._wanted: int | None = None
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._receive, name="mavlink-receive", daemon=True)
+        self._known = set[type[Exception]]()
         self.counts = LinkCounts()
         """What came and what was refused."""
+        self.others: set[tuple[int, int]] = set()
+        """System and component ids of everybody else whose heartbeat was heard."""
 
     @property
     def vehicle(self) -> int:
@@ -126,6 +133,8 @@ class MavlinkLink:
         for message in messages:
             if not self._is_ours(message, sender):
                 self.counts.foreign += 1
+                if message.get_type() == "HEARTBEAT":
+                    self.others.add((message.get_srcSystem(), message.get_srcComponent()))
             else:
                 self._hand_on(message, received_s)
 
@@ -148,8 +157,10 @@ class MavlinkLink:
             self._write(bytes(message.get_msgbuf()))
         try:
             self._on_message(message, received_s)
-        except Exception:  # a message must not end the thread that hears the next one
+        except Exception as error:  # a message must not end the thread that hears the next one
             self.counts.failed += 1
+            if is_new(error, self._known):
+                _log.exception("a message's handling failed: %s", message.get_type())
 
     def _receive(self) -> None:
         while not self._stopping.is_set():
