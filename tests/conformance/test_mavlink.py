@@ -24,6 +24,7 @@ from shipland.stopping import stop_requests
 from shipland.vehicles.mavlink.dialect import Codec, dialect
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setup import Engagement
+from shipland.vehicles.mavlink.state import AutopilotState
 from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
 from waiting import until
 
@@ -574,10 +575,10 @@ def test_a_stop_in_take_off_is_answered_at_once_and_leaves_a_hold(kind: str) -> 
 def test_a_second_ctrl_c_does_not_cut_the_hold_short(monkeypatch: pytest.MonkeyPatch) -> None:
     ask_hold = Session.ask_hold
 
-    def interrupted(session: Session) -> None:
+    def interrupted(session: Session, is_ours: Callable[[AutopilotState], bool]) -> None:
         for _ in range(2):
             receive(signal.SIGINT)
-        ask_hold(session)
+        ask_hold(session, is_ours)
 
     monkeypatch.setattr(stopping, "_GRACE_S", -1.0)
     monkeypatch.setattr(Session, "ask_hold", interrupted)

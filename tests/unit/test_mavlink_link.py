@@ -1,5 +1,6 @@
 """The wire and the state of a MAVLink vehicle, without a wire."""
 
+import io
 import itertools
 import math
 import sys
@@ -152,6 +153,33 @@ def test_no_mode_is_asked_for_while_the_present_one_is_not_known() -> None:
         assert len(port.sent) == 2 * sent
         made.command(m.MAV_CMD_COMPONENT_ARM_DISARM, 1)
         assert len(port.sent) == 2 * sent + 1
+
+
+class StalledDisk(io.BytesIO):
+    """Takes nothing until it is freed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.freed, self.written = threading.Event(), b""
+
+    def write(self, data: bytes) -> int:
+        self.freed.wait(20.0)
+        self.written += data
+        return len(data)
+
+
+def test_a_disk_that_stalls_keeps_neither_set_points_nor_a_takeover() -> None:
+    port, disk, seen = Nowhere(), StalledDisk(), list[int]()
+    made = Session(port, 245, 191, None, None, disk, lambda _, after: seen.append(after.mode))
+    work = threading.Thread(target=lambda: [feed(made, heartbeat(), 100.0), feed(made, heartbeat(5), 100.1), made.beat()])
+    work.start()
+    work.join(5.0)
+    assert not work.is_alive()
+    assert seen == [4, 5]
+    assert len(port.sent) == 2
+    disk.freed.set()
+    made.link.close()
+    assert disk.written.count(b"\xfd") >= 4
 
 
 def test_a_second_batterys_charge_is_not_the_firsts() -> None:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
+from shipland.aside import Aside
 from shipland.errors import ConfigError
 from shipland.soundness import is_new
 from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
     from shipland.vehicles.mavlink.guard_process import GuardedPort
 
 _log = logging.getLogger(__name__)
+
+_MOST_WAITING, _LOG_CLOSE_S = 10_000, 2.0
+"""Messages that wait for the disk, half a minute's, and how long the end waits for it."""
 
 
 @dataclass
@@ -51,7 +55,8 @@ class MavlinkLink:
         system, component: our own ids.
         on_message: called on the receiving thread with a message and its time of receipt [s, `time.monotonic`].
         key: 32 bytes: what is sent is signed, what is not signed with it is refused.
-        log: raw messages of both directions, as a telemetry log (.tlog) has them.
+        log: raw messages of both directions, as a telemetry log (.tlog) has them; written aside, since a disk that
+            stalls must keep neither a set-point nor the news of a takeover.
     """
 
     def __init__(
@@ -64,6 +69,7 @@ class MavlinkLink:
         log: BinaryIO | None = None,
     ) -> None:
         self._port, self._on_message, self._log = port, on_message, log
+        self._writing = None if log is None else Aside(log.write, _MOST_WAITING, "mavlink-log")
         self._codec = Codec(system, component, key, link=component)
         self._lock = threading.Lock()
         self._peer: object = None
@@ -121,10 +127,9 @@ class MavlinkLink:
         if self._thread.is_alive():
             self._thread.join(1.0)
         self._port.close()
-        with self._lock:
-            if self._log is not None:
+        if self._log is not None and self._writing is not None and self._writing.close(_LOG_CLOSE_S):
+            with contextlib.suppress(OSError):  # a full disk
                 self._log.close()
-                self._log = None
 
     def take(self, data: bytes, sender: object, received_s: float) -> None:
         """Take in bytes of a sender; the receiving thread's work, and what a test feeds."""
@@ -153,8 +158,7 @@ class MavlinkLink:
         return sender == self._peer and (system == self._vehicle or message.get_type() == "RADIO_STATUS")
 
     def _hand_on(self, message: Message, received_s: float) -> None:
-        with self._lock:
-            self._write(bytes(message.get_msgbuf()))
+        self._write(bytes(message.get_msgbuf()))
         try:
             self._on_message(message, received_s)
         except Exception as error:  # a message must not end the thread that hears the next one
@@ -173,9 +177,8 @@ class MavlinkLink:
                 self.take(got[0], got[1], time.monotonic())
 
     def _write(self, data: bytes) -> None:
-        if self._log is not None:
-            with contextlib.suppress(OSError, ValueError):
-                self._log.write(struct.pack(">Q", int(time.time() * 1e6)) + data)
+        if self._writing is not None:
+            self._writing.give(struct.pack(">Q", int(time.time() * 1e6)) + data)
 
 
 def read_key(path: Path) -> bytes:
