@@ -5,10 +5,11 @@ rates are partly ignored, takes thrust 0.5 as holding the height, obeys set-poin
 and refuses a plain disarm while the deck moves; PX4 gives OFFBOARD only after set-points and leaves it without them.
 
 Words on standard input: `mode N`, `sticks ROLL PITCH THROTTLE YAW` (pulse widths; the rest stay, and none is no
-receiver), `silent S`, `mute S` (it hears and obeys, and says nothing), `set NAME VALUE` (of a parameter), `reboot`,
-`deck` (a moving deck just below), `updraft` (it sinks evenly at 0.59 of the hover throttle), `lose NAME` (no answer for
-that parameter), `deaf N` (the next N requests for a mode are lost), `deny MODE` (requests for it are denied), `sick`
-(an unhealthy gyroscope), `well`, `report`. `report` answers a line of JSON on standard output.
+receiver), `silent S`, `mute S` (it hears and obeys, and says nothing), `lag S` (what it says comes so late), `set NAME
+VALUE` (of a parameter), `reboot`, `deck` (a moving deck just below), `updraft` (it sinks evenly at 0.59 of the hover
+throttle), `lose NAME` (no answer for that parameter), `deaf N` (the next N requests for a mode are lost), `deny MODE`
+(requests for it are denied), `sick` (an unhealthy gyroscope), `well`, `report`. `report` answers a line of JSON on
+standard output.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import socket
 import sys
 import threading
 import time
+from collections import deque
 from typing import Any
 
 from pymavlink.dialects.v20 import common as m
@@ -55,6 +57,8 @@ class Autopilot:
         self.silent_until_s = self.mute_until_s = 0.0
         self.sticks_us = [1500] * 4
         self.heartbeat_every = 100
+        self.lag_s = 0.0
+        self.late: deque[tuple[float, bytes]] = deque()
         self.unanswered: set[str] = set()
         self.sick, self.deaf = False, 0
         self.denied: set[int] = set()
@@ -215,7 +219,12 @@ class Autopilot:
         if time.monotonic() > max(self.silent_until_s, self.mute_until_s):
             data = message.pack(self.out)
             self.out.seq = (self.out.seq + 1) % 256
-            self.socket.sendto(data, self.to)
+            self.late.append((time.monotonic() + self.lag_s, data))
+            self.deliver()
+
+    def deliver(self) -> None:
+        while self.late and self.late[0][0] <= time.monotonic():
+            self.socket.sendto(self.late.popleft()[1], self.to)
 
     def tell(self, turn: int) -> None:
         boot_ms = int((time.monotonic() - self.booted_s) * 1000)
@@ -258,6 +267,8 @@ class Autopilot:
             self.silent_until_s = now_s + float(words[1])
         elif words[0] == "mute":
             self.mute_until_s = now_s + float(words[1])
+        elif words[0] == "lag":
+            self.lag_s = float(words[1])
         elif words[0] == "set":
             values = PX4_PARAMETERS if self.px4 else PARAMETERS
             values[words[1]] = float(words[2])
@@ -297,6 +308,7 @@ def run(autopilot: Autopilot) -> None:
         autopilot.listen()
         autopilot.step()
         autopilot.tell(turn)
+        autopilot.deliver()
         turn += 1
         due_s = max(due_s + STEP_S, time.monotonic() - 0.1)
         time.sleep(max(0.0, due_s - time.monotonic()))

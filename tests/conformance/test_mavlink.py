@@ -405,6 +405,25 @@ def test_touchdown_on_a_moving_deck_stops_the_motors_by_force() -> None:
         assert disarms[:2] == [[400, 0.0, 0.0], [400, 0.0, 21196.0]]  # by force as soon as it was denied
 
 
+def test_on_a_link_that_lags_no_motor_is_stopped_in_the_pilots_hands() -> None:
+    """The touch that seems new is two seconds old: the pilot has taken over and lifted off since."""
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND, low=True)
+        autopilot.say("lag 2")
+        autopilot.say("deck")
+        assert fly(vehicle, 1.9, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND, low=True)
+        autopilot.say("mode 5")
+        seen, end_s = "", time.monotonic() + 8.0
+        while (pair := vehicle.read()) is not None and time.monotonic() < end_s:
+            seen = seen or pair[1].alerts
+            vehicle.send(PilotCommand(pair[1].t_s, 0.0, 0.0, -40.0, 0.0, -0.2, Intent.LAND, at_contact_height=True))
+        assert "LOITER" in vehicle.end_reason
+        assert autopilot.report()["armed"]
+        assert not commands(autopilot, 400)
+        assert "no answer" in seen
+
+
 OWN_LANDING = {"ardupilot": 9, "px4": 4 << 16 | 9 << 24}
 
 

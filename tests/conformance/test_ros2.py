@@ -29,9 +29,12 @@ from shipland.messages import (
     Mode,
     Observation,
     PilotCommand,
+    Telemetry,
 )
 from shipland.rig import Rig
+from shipland.vehicles.ros2.conversions import odometry_of
 from shipland.vehicles.ros2.dds import Node, _quality
+from shipland.vehicles.ros2.state import Heard
 from shipland.vehicles.ros2.types import message, message_of
 from shipland.vehicles.vehicle import Commanded, Ending, Informed, Real
 from shipland.vehicles.wanted import Wanted
@@ -110,6 +113,15 @@ def test_motors_may_no_longer_stop_once_it_is_not_ours(how: str) -> None:
         else:
             drone.guided = False
         assert until(lambda: not drone.landing)
+
+
+def test_odometry_that_comes_late_is_old_and_another_clocks_is_not() -> None:
+    told = Telemetry(0.0, 0.0, 0.0, 0.0, 5.0, np.zeros(3), None, None, flying=True)
+    synchronised, foreign = Heard(), Heard()
+    synchronised.take_odometry(odometry_of(told, time.time() - 0.1))
+    for heard, age_s in ((synchronised, 1.5), (foreign, 0.0)):
+        heard.take_odometry(odometry_of(told, time.time() - 1.5))
+        assert time.monotonic() - heard.telemetry_at(0.0).velocity_t_s == pytest.approx(age_s, abs=0.05)
 
 
 def test_a_drone_that_never_obeys_is_said_to() -> None:

@@ -171,15 +171,21 @@ class StalledDisk(io.BytesIO):
 def test_a_disk_that_stalls_keeps_neither_set_points_nor_a_takeover() -> None:
     port, disk, seen = Nowhere(), StalledDisk(), list[int]()
     made = Session(port, 245, 191, None, None, disk, lambda _, after: seen.append(after.mode))
-    work = threading.Thread(target=lambda: [feed(made, heartbeat(), 100.0), feed(made, heartbeat(5), 100.1), made.beat()])
+
+    def work_on() -> None:
+        feed(made, heartbeat(), 100.0)
+        feed(made, heartbeat(5), 100.1)
+        made.beat()
+
+    work = threading.Thread(target=work_on)
     work.start()
     work.join(5.0)
     assert not work.is_alive()
     assert seen == [4, 5]
-    assert len(port.sent) == 2
+    assert len(port.sent) == 1
     disk.freed.set()
     made.link.close()
-    assert disk.written.count(b"\xfd") >= 4
+    assert disk.written.count(b"\xfd") >= 3
 
 
 def test_a_second_batterys_charge_is_not_the_firsts() -> None:

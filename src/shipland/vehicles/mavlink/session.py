@@ -302,8 +302,11 @@ class Session:
         return known
 
     def beat(self) -> None:
-        """Our heartbeat, and the question for the round trip."""
+        """Our heartbeat."""
         self.link.send(_heartbeat())
+
+    def ask_time(self) -> None:
+        """The question for the round trip, whose answer shows how old what comes may be."""
         self.link.send(dialect.MAVLink_timesync_message(0, time.monotonic_ns()))
 
 

@@ -46,6 +46,8 @@ from shipland.vehicles.wanted import HOLD, Wanted, pressed, wanted_of
 
 _HEIGHT_S = 1.0
 """A take-off of ours does not climb on a height older than this."""
+_ASK_TIME_S = 0.25
+"""From one question of the time to the next; several may be lost before an answer is missed."""
 _HAND_OVER_S = 0.5
 """From one request for a mode to the next."""
 
@@ -62,7 +64,7 @@ class MavlinkVehicle(SetpointVehicle):
         self._control = Control(self._parameters.stick_takeover_us)
         self._opening = False
         self._hand_overs, self._handed_s = 0, -math.inf
-        self._beat_s = self._awake_s = -math.inf
+        self._beat_s = self._asked_s = self._awake_s = -math.inf
         self._response: Response | None = None
         self._limits: VehicleLimits | None = None
         self._told: Mapping[str, float] = {}
@@ -232,6 +234,9 @@ class MavlinkVehicle(SetpointVehicle):
         if now_s - self._beat_s >= 1.0:
             self._beat_s = now_s
             session.beat()
+        if now_s - self._asked_s >= _ASK_TIME_S:
+            self._asked_s = now_s
+            session.ask_time()
         state = session.state
         if step_s > self._parameters.setpoint_gap_s:
             self._awake_s = now_s  # what came while this process stood still is not read yet
