@@ -532,7 +532,7 @@ def test_a_parameter_that_changes_what_sticks_mean_ends_the_flight_in_a_hold() -
 
 @pytest.mark.parametrize(
     ("ids", "name", "words"),
-    [((7, 1), "one vehicle", "system 7"), ((245, 191), "one shipland", "system 245, component 191"), ((255, 190), "", "")],
+    [((7, 1), "one vehicle", "system 7"), ((245, 191), "one shipland", "as system 245"), ((255, 190), "", "")],
 )
 def test_a_second_vehicle_and_a_second_shipland_are_no_start(ids: tuple[int, int], name: str, words: str) -> None:
     with bench() as (vehicle, _, _):

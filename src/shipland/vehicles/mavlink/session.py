@@ -249,9 +249,7 @@ class Session:
         holds = {str(GUIDED): hold, str(GUIDED_NOGPS): packed(level_message(target))}
         px4 = self.state.autopilot == PX4
         mode = (1.0, *map(float, self._hold_mode), 0.0, 0.0, 0.0, 0.0)
-        ask = dialect.MAVLink_command_long_message(
-            target.system, target.component, _SET_MODE, 0, *mode
-        )
+        ask = dialect.MAVLink_command_long_message(target.system, target.component, _SET_MODE, 0, *mode)
         return Orders(
             own=self.link.own,
             vehicle=target.system,
