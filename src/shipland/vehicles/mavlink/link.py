@@ -69,7 +69,7 @@ class MavlinkLink:
         log: BinaryIO | None = None,
     ) -> None:
         self._port, self._on_message, self._log = port, on_message, log
-        self._writing = None if log is None else Aside(log.write, _MOST_WAITING, "mavlink-log")
+        self._writing: Aside[bytes] | None = None if log is None else Aside(log.write, _MOST_WAITING, "mavlink-log")
         self._codec = Codec(system, component, key, link=component)
         self._lock = threading.Lock()
         self._peer: object = None
