@@ -15,12 +15,12 @@ class Aside(Generic[Thing]):
     """Does what it is given on a thread of its own, in order; whoever gives never waits and gets no error.
 
     Args:
-        do: takes one thing; where it raises, nothing more is done, and `error` says why.
+        do: takes one thing, what it returns is dropped; where it raises, nothing more is done, and `error` says why.
         most: so many things wait; what is given beyond them is lost, and counted.
         name: of the thread.
     """
 
-    def __init__(self, do: Callable[[Thing], None], most: int, name: str) -> None:
+    def __init__(self, do: Callable[[Thing], object], most: int, name: str) -> None:
         self._do, self._most = do, most
         self._changed = threading.Condition()
         self._things: deque[Thing] = deque()

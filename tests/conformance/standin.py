@@ -5,10 +5,11 @@ rates are partly ignored, takes thrust 0.5 as holding the height, obeys set-poin
 and refuses a plain disarm while the deck moves; PX4 gives OFFBOARD only after set-points and leaves it without them.
 
 Words on standard input: `mode N`, `sticks ROLL PITCH THROTTLE YAW` (pulse widths; the rest stay, and none is no
-receiver), `silent S`, `reboot`, `deck` (a moving deck just below), `updraft` (it sinks evenly at 0.59 of the hover
+receiver), `silent S`, `mute S` (it hears and obeys, and says nothing), `lag S` (what it says comes so late), `set NAME
+VALUE` (of a parameter), `reboot`, `deck` (a moving deck just below), `updraft` (it sinks evenly at 0.59 of the hover
 throttle), `lose NAME` (no answer for that parameter), `deaf N` (the next N requests for a mode are lost), `deny MODE`
-(requests for it are denied), `sick` (an unhealthy gyroscope), `well`, `report`. `report` answers a line of
-JSON on standard output.
+(requests for it are denied), `sick` (an unhealthy gyroscope), `well`, `report`. `report` answers a line of JSON on
+standard output.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import socket
 import sys
 import threading
 import time
+from collections import deque
 from typing import Any
 
 from pymavlink.dialects.v20 import common as m
@@ -52,9 +54,11 @@ class Autopilot:
             self.parser.signing.allow_unsigned_callback = None
         self.booted_s = time.monotonic() - 5.0
         self.mode, self.armed = (OFFBOARD if px4 else GUIDED), True
-        self.silent_until_s = 0.0
+        self.silent_until_s = self.mute_until_s = 0.0
         self.sticks_us = [1500] * 4
         self.heartbeat_every = 100
+        self.lag_s = 0.0
+        self.late: deque[tuple[float, bytes]] = deque()
         self.unanswered: set[str] = set()
         self.sick, self.deaf = False, 0
         self.denied: set[int] = set()
@@ -153,8 +157,11 @@ class Autopilot:
     def on_param_request_read(self, it: Any) -> None:
         values = PX4_PARAMETERS if self.px4 else PARAMETERS
         if it.param_id in values and it.param_id not in self.unanswered:
-            kind = m.MAV_PARAM_TYPE_REAL32
-            self.send(m.MAVLink_param_value_message(it.param_id.encode(), values[it.param_id], kind, len(values), 0))
+            self.tell_parameter(it.param_id, values)
+
+    def tell_parameter(self, name: str, values: dict[str, float]) -> None:
+        kind = m.MAV_PARAM_TYPE_REAL32
+        self.send(m.MAVLink_param_value_message(name.encode(), values[name], kind, len(values), 0))
 
     def on_timesync(self, it: Any) -> None:
         if it.tc1 == 0:
@@ -209,10 +216,15 @@ class Autopilot:
     # out
 
     def send(self, message: Any) -> None:
-        if time.monotonic() > self.silent_until_s:
+        if time.monotonic() > max(self.silent_until_s, self.mute_until_s):
             data = message.pack(self.out)
             self.out.seq = (self.out.seq + 1) % 256
-            self.socket.sendto(data, self.to)
+            self.late.append((time.monotonic() + self.lag_s, data))
+            self.deliver()
+
+    def deliver(self) -> None:
+        while self.late and self.late[0][0] <= time.monotonic():
+            self.socket.sendto(self.late.popleft()[1], self.to)
 
     def tell(self, turn: int) -> None:
         boot_ms = int((time.monotonic() - self.booted_s) * 1000)
@@ -253,6 +265,14 @@ class Autopilot:
             self.sticks_us = [*given, *self.sticks_us[len(given) :]] if given else []
         elif words[0] == "silent":
             self.silent_until_s = now_s + float(words[1])
+        elif words[0] == "mute":
+            self.mute_until_s = now_s + float(words[1])
+        elif words[0] == "lag":
+            self.lag_s = float(words[1])
+        elif words[0] == "set":
+            values = PX4_PARAMETERS if self.px4 else PARAMETERS
+            values[words[1]] = float(words[2])
+            self.tell_parameter(words[1], values)  # as to every ground station that listens
         elif words[0] == "reboot":
             self.booted_s = now_s
         elif words[0] == "deck":
@@ -288,6 +308,7 @@ def run(autopilot: Autopilot) -> None:
         autopilot.listen()
         autopilot.step()
         autopilot.tell(turn)
+        autopilot.deliver()
         turn += 1
         due_s = max(due_s + STEP_S, time.monotonic() - 0.1)
         time.sleep(max(0.0, due_s - time.monotonic()))

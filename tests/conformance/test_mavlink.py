@@ -21,8 +21,10 @@ from shipland.errors import VehicleError
 from shipland.messages import BarPose, Decision, FlightRecord, Intent, Observation, PilotCommand
 from shipland.rig import Rig
 from shipland.stopping import stop_requests
+from shipland.vehicles.mavlink.dialect import Codec, dialect
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setup import Engagement
+from shipland.vehicles.mavlink.state import AutopilotState
 from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
 from waiting import until
 
@@ -403,6 +405,25 @@ def test_touchdown_on_a_moving_deck_stops_the_motors_by_force() -> None:
         assert disarms[:2] == [[400, 0.0, 0.0], [400, 0.0, 21196.0]]  # by force as soon as it was denied
 
 
+def test_on_a_link_that_lags_no_motor_is_stopped_in_the_pilots_hands() -> None:
+    """The touch that seems new is two seconds old: the pilot has taken over and lifted off since."""
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND, low=True)
+        autopilot.say("lag 2")
+        autopilot.say("deck")
+        assert fly(vehicle, 1.9, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND, low=True)
+        autopilot.say("mode 5")
+        seen, end_s = "", time.monotonic() + 8.0
+        while (pair := vehicle.read()) is not None and time.monotonic() < end_s:
+            seen = seen or pair[1].alerts
+            vehicle.send(PilotCommand(pair[1].t_s, 0.0, 0.0, -40.0, 0.0, -0.2, Intent.LAND, at_contact_height=True))
+        assert "LOITER" in vehicle.end_reason
+        assert autopilot.report()["armed"]
+        assert not commands(autopilot, 400)
+        assert "no answer" in seen
+
+
 OWN_LANDING = {"ardupilot": 9, "px4": 4 << 16 | 9 << 24}
 
 
@@ -456,6 +477,74 @@ def test_a_pilots_mode_ends_the_autopilots_own_landing_too() -> None:
         assert "LOITER" in vehicle.end_reason
 
 
+def test_a_stop_in_the_autopilots_own_landing_holds() -> None:
+    """Without us nobody tells it where the deck is: it would land where it is."""
+    with bench(engagement=Engagement(take=True, own_landing=True)) as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert autopilot.report()["mode"] == OWN_LANDING["ardupilot"]
+        vehicle.close()
+        assert autopilot.report()["mode"] == 17
+
+
+def test_a_pilot_at_the_sticks_has_the_autopilots_own_landing_and_keeps_the_mode_chosen_next() -> None:
+    with bench(engagement=Engagement(take=True, own_landing=True)) as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        autopilot.say("sticks 1500 1700")
+        assert until(lambda: autopilot.report()["mode"] == 5)
+        assert until(lambda: bool(vehicle.end_reason))
+        assert "sticks" in vehicle.end_reason
+        for mode in (9, 4):  # the pilot lands; the pilot gives it to somebody else
+            time.sleep(0.3)
+            autopilot.say(f"mode {mode}")
+            time.sleep(1.2)
+            assert autopilot.report()["mode"] == mode
+
+
+def test_a_mode_that_a_person_chose_unheard_is_not_taken_away_by_our_end() -> None:
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.5, 20.0, 0.0, 0.0, 0.0)
+        autopilot.say("mute 10")
+        time.sleep(0.5)
+        autopilot.say("mode 5")
+        assert autopilot.report()["mode"] == 5
+        vehicle.close()
+        assert autopilot.report()["mode"] == 5
+
+
+def test_a_parameter_that_changes_what_sticks_mean_ends_the_flight_in_a_hold() -> None:
+    """With GUID_OPTIONS = 8 the thrust that asks for a descent is a thrust far below the weight."""
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.5, 20.0, 0.0, -50.0, 0.0)
+        autopilot.say("set WPNAV_SPEED 600")  # no stick means it
+        autopilot.say("set MOT_THST_HOVER 0.4")  # it learns that by itself
+        assert fly(vehicle, 0.5, 20.0, 0.0, -50.0, 0.0)
+        autopilot.say("set GUID_OPTIONS 8")
+        assert until(lambda: autopilot.report()["values"] == [0.0, 0.0, 0.0, 0.0])
+        assert vehicle.read() is None
+        assert "GUID_OPTIONS from 0 to 8" in vehicle.end_reason
+        vehicle.close()
+        assert autopilot.report()["mode"] == 17
+
+
+@pytest.mark.parametrize(
+    ("ids", "name", "words"),
+    [((7, 1), "one vehicle", "system 7"), ((245, 191), "one shipland", "as system 245"), ((255, 190), "", "")],
+)
+def test_a_second_vehicle_and_a_second_shipland_are_no_start(ids: tuple[int, int], name: str, words: str) -> None:
+    with bench() as (vehicle, _, _):
+        vehicle.connect()
+        assert not [check for check in vehicle.checks() if check.name.startswith("one ")]
+        beat = dialect.MAVLink_heartbeat_message(2, 3 if ids[1] == 1 else 8, 129, 4, 4, 3)
+        vehicle.session.link.take(Codec(*ids).encode(beat), "elsewhere:1", time.monotonic())
+        found = [check for check in vehicle.checks() if check.name.startswith("one ")]
+        assert [check.name for check in found] == ([name] if name else [])
+        assert all(not check.ok and words in check.words for check in found)
+
+
 @pytest.mark.parametrize(("kind", "mode"), [("ardupilot", 17), ("px4", 4 << 16 | 3 << 24)])
 def test_closed_in_flight_it_leaves_the_vehicle_in_a_mode_that_holds(kind: str, mode: int) -> None:
     with bench(kind) as (vehicle, autopilot, _):
@@ -505,10 +594,10 @@ def test_a_stop_in_take_off_is_answered_at_once_and_leaves_a_hold(kind: str) -> 
 def test_a_second_ctrl_c_does_not_cut_the_hold_short(monkeypatch: pytest.MonkeyPatch) -> None:
     ask_hold = Session.ask_hold
 
-    def interrupted(session: Session) -> None:
+    def interrupted(session: Session, is_ours: Callable[[AutopilotState], bool]) -> None:
         for _ in range(2):
             receive(signal.SIGINT)
-        ask_hold(session)
+        ask_hold(session, is_ours)
 
     monkeypatch.setattr(stopping, "_GRACE_S", -1.0)
     monkeypatch.setattr(Session, "ask_hold", interrupted)

@@ -29,9 +29,12 @@ from shipland.messages import (
     Mode,
     Observation,
     PilotCommand,
+    Telemetry,
 )
 from shipland.rig import Rig
+from shipland.vehicles.ros2.conversions import odometry_of
 from shipland.vehicles.ros2.dds import Node, _quality
+from shipland.vehicles.ros2.state import Heard
 from shipland.vehicles.ros2.types import message, message_of
 from shipland.vehicles.vehicle import Commanded, Ending, Informed, Real
 from shipland.vehicles.wanted import Wanted
@@ -81,6 +84,44 @@ def test_nothing_is_commanded_before_the_drone_obeys_nor_after_it_does_not() -> 
         vehicle.send(command())
         assert until(lambda: len(vehicle.late_s) > turns + 10)
         assert drone.wanted is before  # no set-point in ten turns
+
+
+@pytest.mark.parametrize("mode", ["LOITER", "AUTO.RTL"])
+def test_a_pilots_mode_that_mavros_calls_guided_is_a_takeover(mode: str) -> None:
+    """An ArduPilot sets MAV_MODE_FLAG_GUIDED_ENABLED in LOITER, BRAKE and RTL, a PX4 in every AUTO."""
+    with bench(engage_timeout_s=1.0) as (vehicle, drone):
+        drone.mode = mode
+        with pytest.raises(VehicleError, match=f"mode {mode}"):
+            vehicle.open()
+    with bench() as (vehicle, drone):
+        vehicle.open()
+        vehicle.send(command())
+        assert until(lambda: drone.wanted.forward > 0.0)
+        drone.mode = mode
+        assert until(lambda: bool(vehicle.end_reason))
+        assert vehicle.end_reason == f"the pilot took over: {mode}"
+
+
+@pytest.mark.parametrize("how", ["taken over", "closed"])
+def test_motors_may_no_longer_stop_once_it_is_not_ours(how: str) -> None:
+    with bench() as (vehicle, drone):
+        vehicle.open()
+        vehicle.send(command(Intent.LAND))
+        assert until(lambda: drone.landing)
+        if how == "closed":
+            vehicle.close()
+        else:
+            drone.guided = False
+        assert until(lambda: not drone.landing)
+
+
+def test_odometry_that_comes_late_is_old_and_another_clocks_is_not() -> None:
+    told = Telemetry(0.0, 0.0, 0.0, 0.0, 5.0, np.zeros(3), None, None, flying=True)
+    synchronised, foreign = Heard(), Heard()
+    synchronised.take_odometry(odometry_of(told, time.time() - 0.1))
+    for heard, age_s in ((synchronised, 1.5), (foreign, 0.0)):
+        heard.take_odometry(odometry_of(told, time.time() - 1.5))
+        assert time.monotonic() - heard.telemetry_at(0.0).velocity_t_s == pytest.approx(age_s, abs=0.05)
 
 
 def test_a_drone_that_never_obeys_is_said_to() -> None:

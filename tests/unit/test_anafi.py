@@ -214,6 +214,17 @@ def test_without_contact_height_it_never_uses_its_own_landing(tmp_path: Path) ->
         assert flown.end_reason.startswith("landed")
 
 
+def test_a_landing_of_anothers_high_in_our_own_is_a_takeover(tmp_path: Path) -> None:
+    """As a battery's last does: at that height our sticks begin none."""
+    with vehicle(tmp_path) as (flown, log):
+        flown.open()
+        begun_s, down = time.monotonic(), (0.0, 0.0, -40.0, 0.0)
+        assert fly_until(flown, lambda: time.monotonic() - begun_s > 0.5, *down, intent=Intent.LAND)
+        flown._on_record(flying("emergency_landing") | {"t_s": time.monotonic()}, b"")
+        assert flown.end_reason == "somebody else lands the ANAFI: emergency_landing"
+        assert until(lambda: {"stop": True} in asked(log))
+
+
 MALFORMED = [
     {"kind": "picture", "stamp_s": 1.0, "size_px": "ab", "planes": "NV12"},
     {"kind": "picture", "stamp_s": 1.0, "size_px": [64, 36, 3], "planes": "NV12"},

@@ -1,9 +1,11 @@
 """The wire and the state of a MAVLink vehicle, without a wire."""
 
+import io
 import itertools
 import math
 import sys
 import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -139,6 +141,51 @@ def test_answers_to_another_ground_station_are_not_ours() -> None:
     for targets in ((0, 0), (245, 191), (245, 0)):
         feed(made, m.MAVLink_command_ack_message(400, 4, 0, 0, *targets), 100.2)
     assert made.state.acknowledged == {400: (4, 3)}
+
+
+def test_no_mode_is_asked_for_while_the_present_one_is_not_known() -> None:
+    """A heartbeat that is old may hide a person's mode."""
+    for age_s, sent in ((0.5, 1), (2.0, 0)):
+        made, port, _ = session()
+        feed(made, heartbeat(), time.monotonic() - age_s)
+        made.command(m.MAV_CMD_DO_SET_MODE, 1, 5)
+        made.hand_over(0)
+        assert len(port.sent) == 2 * sent
+        made.command(m.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+        assert len(port.sent) == 2 * sent + 1
+
+
+class StalledDisk(io.BytesIO):
+    """Takes nothing until it is freed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.freed, self.written = threading.Event(), b""
+
+    def write(self, data: bytes) -> int:
+        self.freed.wait(20.0)
+        self.written += data
+        return len(data)
+
+
+def test_a_disk_that_stalls_keeps_neither_set_points_nor_a_takeover() -> None:
+    port, disk, seen = Nowhere(), StalledDisk(), list[int]()
+    made = Session(port, 245, 191, None, None, disk, lambda _, after: seen.append(after.mode))
+
+    def work_on() -> None:
+        feed(made, heartbeat(), 100.0)
+        feed(made, heartbeat(5), 100.1)
+        made.beat()
+
+    work = threading.Thread(target=work_on)
+    work.start()
+    work.join(5.0)
+    assert not work.is_alive()
+    assert seen == [4, 5]
+    assert len(port.sent) == 1
+    disk.freed.set()
+    made.link.close()
+    assert disk.written.count(b"\xfd") >= 3
 
 
 def test_a_second_batterys_charge_is_not_the_firsts() -> None:

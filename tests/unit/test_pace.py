@@ -10,7 +10,7 @@ import pytest
 from shipland.vehicles.pace import Pace
 
 
-def test_a_turn_that_raises_is_counted_and_the_next_one_comes() -> None:
+def test_a_turn_that_raises_is_counted_and_logged_once_and_the_next_one_comes(caplog: pytest.LogCaptureFixture) -> None:
     done = threading.Event()
     steps_s: list[float] = []
 
@@ -26,6 +26,7 @@ def test_a_turn_that_raises_is_counted_and_the_next_one_comes() -> None:
     pace.stop()
     taken = len(steps_s)
     assert pace.failed == taken == len(pace.late_s)
+    assert [record.getMessage() for record in caplog.records] == ["a turn of turns failed"]
     assert min(steps_s) >= 0.0
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import logging
 import os
 import platform
 import sys
@@ -13,6 +14,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Literal
+
+from shipland.soundness import is_new
+
+_log = logging.getLogger(__name__)
 
 First = Literal["thread", "process"]
 """What has priority over other processes: the thread at the steady rate, or all of its process."""
@@ -89,7 +94,7 @@ class Pace:
     """Calls `do(step_s)` every 1/`rate_hz` from a thread of its own; a turn that is missed is left out.
 
     Args:
-        do: gets the time since its last call [s]; what it raises is counted and goes no further.
+        do: gets the time since its last call [s]; what it raises is counted and logged, and goes no further.
         rate_hz: calls a second.
         name: of the thread.
         first: what goes before other processes, where the system lets it.
@@ -129,14 +134,17 @@ class Pace:
                     _set_niceness(niceness)
 
     def _take_turns(self) -> None:
-        due_s = last_s = time.monotonic()
+        due_s, known = time.monotonic(), set[type[Exception]]()
+        last_s = due_s
         while not self._stopping.is_set():
             now_s = time.monotonic()
             self.late_s.append(now_s - due_s)
             try:
                 self._do(now_s - last_s)
-            except Exception:  # the next turn must come
+            except Exception as error:  # the next turn must come
                 self.failed += 1
+                if is_new(error, known):
+                    _log.exception("a turn of %s failed", self._thread.name)
             last_s = now_s
             due_s += self._period_s
             behind_s = time.monotonic() - due_s

@@ -11,10 +11,13 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, TextIO
 
+from shipland.aside import Aside
 from shipland.errors import VehicleError
 
 _GOODBYE_S = 4.0
 """Time for the process to release the sticks and to disconnect."""
+_MOST_WAITING, _LOG_CLOSE_S = 10_000, 2.0
+"""Records that wait for the disk, and how long the end waits for it."""
 _LONGEST_LINE, _LARGEST_PICTURE = 1 << 20, 1 << 26
 """Bytes of a record's line and of its picture; 4K takes 12 million."""
 
@@ -27,7 +30,7 @@ class AnafiProcess:
         on_record: gets every record and its picture's bytes, on a thread of its own; whatever it raises counts as
             refused.
         on_end: called once when the process has gone.
-        log: JSON lines of both directions, pictures without their bytes; None: none.
+        log: JSON lines of both directions, pictures without their bytes, written aside; None: none.
 
     Raises:
         VehicleError: it cannot be started, or the log cannot be written.
@@ -41,7 +44,8 @@ class AnafiProcess:
         log: Path | None,
     ) -> None:
         self._on_record, self._on_end = on_record, on_end
-        self._log, self._writing = _opened(log), threading.Lock()
+        self._log = _opened(log)
+        self._writing = None if self._log is None else Aside(self._log.write, _MOST_WAITING, "anafi-log")
         self.refused = 0
         """Records that could not be used."""
         try:
@@ -73,10 +77,9 @@ class AnafiProcess:
             self._process.kill()
             self._process.wait()
         self._thread.join(1.0)
-        with self._writing:
-            if self._log is not None:
+        if self._log is not None and self._writing is not None and self._writing.close(_LOG_CLOSE_S):
+            with suppress(OSError):  # a full disk
                 self._log.close()
-                self._log = None
 
     def _listen(self) -> None:
         assert self._process.stdout is not None
@@ -95,13 +98,8 @@ class AnafiProcess:
         self._on_end()
 
     def _note(self, direction: str, record: Mapping[str, Any]) -> None:
-        with self._writing:
-            if self._log is None:
-                return
-            try:
-                self._log.write(json.dumps({"at_s": round(time.monotonic(), 4), direction: record}) + "\n")
-            except OSError:  # a full disk is no reason to stop flying
-                self._log = None
+        if self._writing is not None:
+            self._writing.give(json.dumps({"at_s": round(time.monotonic(), 4), direction: record}) + "\n")
 
 
 def _opened(log: Path | None) -> TextIO | None:

@@ -83,7 +83,7 @@ class AnafiVehicle:
         self._state = ""
         self._heard_s = self._given_s = self._pictured_s = self._gimbal_s = self._still_s = self._asked_s = -math.inf
         self._connected = self._watched = self._engaged = self._closed = False
-        self._landing = self._asked_to_land = False
+        self._landing = self._at_contact_height = self._asked_to_land = False
         self._end_reason = self._problem = ""
         self._in_command = "somebody else (not given to us yet)"
         self._refused = 0
@@ -183,7 +183,7 @@ class AnafiVehicle:
                 return
             now_s = time.monotonic()
             command = unless_late(command, now_s)
-            self._landing = command.intent is Intent.LAND
+            self._landing, self._at_contact_height = command.intent is Intent.LAND, command.at_contact_height
             by_itself = self._landing and self._asked_to_land  # its own landing wants no sticks
             self._process.say({"sticks": [0, 0, 0, 0] if by_itself else sticks_of(command)})
             if math.isfinite(command.gimbal_pitch_rad) and now_s - self._gimbal_s >= _GIMBAL_S:
@@ -309,16 +309,17 @@ class AnafiVehicle:
 
     def _judge(self, kind: str, values: Mapping[str, Any], *, flew: bool) -> None:
         """End the flight when the aircraft is down, or does what we did not command; from our own take-off on."""
-        ours = self._landing or self._asked_to_land
+        low = self._asked_to_land or (self._landing and self._at_contact_height)
         if kind == "home" and values["state"] in ("inProgress", "pending"):
             reason = f"the ANAFI flies home by itself: {values.get('reason', '')}"
             self._end(reason, "the ANAFI itself (returns home)", yielded=True)
         elif kind != "flying":
             return
         elif flew and not self._telemetry.flying:
-            reason = "landed: the motors have stopped" if ours else "the motors have stopped"
+            landed = self._landing or self._asked_to_land
+            reason = "landed: the motors have stopped" if landed else "the motors have stopped"
             self._end(reason, "nobody: the motors have stopped", yielded=True)
-        elif "landing" in self._state and not ours:
+        elif "landing" in self._state and not low:  # high over the deck, our sticks begin no landing of its own
             self._end(f"somebody else lands the ANAFI: {self._state}", "somebody else (landing)", yielded=True)
 
     def _take_picture(self, record: Mapping[str, Any], data: bytes) -> None:

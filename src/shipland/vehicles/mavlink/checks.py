@@ -8,6 +8,7 @@ import time
 from shipland.guidance.response import Response
 from shipland.vehicles.camera_stream import CameraStream
 from shipland.vehicles.checks import Check, limits_text
+from shipland.vehicles.mavlink.dialect import dialect
 from shipland.vehicles.mavlink.modes import mode_name
 from shipland.vehicles.mavlink.parameters import VehicleLimits
 from shipland.vehicles.mavlink.session import Session
@@ -34,6 +35,7 @@ def link_checks(
     name = "PX4" if state.autopilot == PX4 else "ArduPilot"
     lines = [
         Check("autopilot", True, f"{name}, system {session.link.vehicle}, mode {mode_name(state)}"),
+        *_others(session, setup),
         _health(state, now_s),
         _transmitter(state, now_s),
         Check(
@@ -68,6 +70,21 @@ def link_checks(
     ]  # fmt: skip
     if setup.fixed_pitch_rad is None and not math.isfinite(state.gimbal_t_s) and not setup.brings_gimbal:
         lines.append(Check("gimbal", False, "it does not tell its attitude; a fixed camera is ?mount_deg=PITCH"))
+    return lines
+
+
+def _others(session: Session, setup: MavlinkSetup) -> list[Check]:
+    """Whoever else is heard and makes it doubtful which vehicle is flown, or by whom."""
+    link, lines = session.link, list[Check]()
+    vehicles = sorted(system for system, component in link.others if component == dialect.MAV_COMP_ID_AUTOPILOT1)
+    if vehicles and setup.vehicle is None:
+        words = ", ".join(map(str, vehicles))
+        words = f"also heard: system {words}; which is flown is left to chance: state ?system="
+        lines.append(Check("one vehicle", False, words))
+    if link.own in link.others:
+        system, component = link.own
+        words = f"another program speaks as system {system}, component {component}: a second shipland on this vehicle?"
+        lines.append(Check("one shipland", False, words))
     return lines
 
 

@@ -28,7 +28,7 @@ class Control:
         self.lost = ""
         """Why control is gone for good, in words; empty while it is not."""
         self.by_sticks = False
-        """It went to a pilot who moved the sticks, and whose mode does not obey them until that is changed."""
+        """It went to a pilot who moved the sticks, and whose mode does not obey them yet."""
         self.released = False
         """We have released it and requested a mode in which the autopilot holds by itself."""
         self.hands_over = False
@@ -81,6 +81,10 @@ class Control:
     def has(self, state: AutopilotState) -> bool:
         """Whether we may command now: given to us, not taken, and the mode obeys us."""
         return self.granted and not self.lost and obeys_us(state)
+
+    def answers_for(self, state: AutopilotState) -> bool:
+        """Whether the vehicle flies as we want it: by our set-points, or in the landing that we have asked for."""
+        return self.has(state) or (self.lands(state) and not self.lost)
 
     def lands(self, state: AutopilotState) -> bool:
         """Whether the autopilot lands by itself because we have asked for it."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import logging
 import struct
 import threading
 import time
@@ -16,12 +17,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
+from shipland.aside import Aside
 from shipland.errors import ConfigError
+from shipland.soundness import is_new
 from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
 from shipland.vehicles.mavlink.guard import Orders
 
 if TYPE_CHECKING:
     from shipland.vehicles.mavlink.guard_process import GuardedPort
+
+_log = logging.getLogger(__name__)
+
+_MOST_WAITING, _LOG_CLOSE_S = 10_000, 2.0
+"""Messages that wait for the disk, half a minute's, and how long the end waits for it."""
 
 
 @dataclass
@@ -47,7 +55,8 @@ class MavlinkLink:
         system, component: our own ids.
         on_message: called on the receiving thread with a message and its time of receipt [s, `time.monotonic`].
         key: 32 bytes: what is sent is signed, what is not signed with it is refused.
-        log: raw messages of both directions, as a telemetry log (.tlog) has them.
+        log: raw messages of both directions, as a telemetry log (.tlog) has them; written aside, since a disk that
+            stalls must keep neither a set-point nor the news of a takeover.
     """
 
     def __init__(
@@ -60,6 +69,7 @@ class MavlinkLink:
         log: BinaryIO | None = None,
     ) -> None:
         self._port, self._on_message, self._log = port, on_message, log
+        self._writing: Aside[bytes] | None = None if log is None else Aside(log.write, _MOST_WAITING, "mavlink-log")
         self._codec = Codec(system, component, key, link=component)
         self._lock = threading.Lock()
         self._peer: object = None
@@ -67,8 +77,11 @@ class MavlinkLink:
         self._wanted: int | None = None
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._receive, name="mavlink-receive", daemon=True)
+        self._known = set[type[Exception]]()
         self.counts = LinkCounts()
         """What came and what was refused."""
+        self.others: set[tuple[int, int]] = set()
+        """System and component ids of everybody else whose heartbeat was heard."""
 
     @property
     def vehicle(self) -> int:
@@ -114,10 +127,9 @@ class MavlinkLink:
         if self._thread.is_alive():
             self._thread.join(1.0)
         self._port.close()
-        with self._lock:
-            if self._log is not None:
+        if self._log is not None and self._writing is not None and self._writing.close(_LOG_CLOSE_S):
+            with contextlib.suppress(OSError):  # a full disk
                 self._log.close()
-                self._log = None
 
     def take(self, data: bytes, sender: object, received_s: float) -> None:
         """Take in bytes of a sender; the receiving thread's work, and what a test feeds."""
@@ -126,6 +138,8 @@ class MavlinkLink:
         for message in messages:
             if not self._is_ours(message, sender):
                 self.counts.foreign += 1
+                if message.get_type() == "HEARTBEAT":
+                    self.others.add((message.get_srcSystem(), message.get_srcComponent()))
             else:
                 self._hand_on(message, received_s)
 
@@ -144,12 +158,13 @@ class MavlinkLink:
         return sender == self._peer and (system == self._vehicle or message.get_type() == "RADIO_STATUS")
 
     def _hand_on(self, message: Message, received_s: float) -> None:
-        with self._lock:
-            self._write(bytes(message.get_msgbuf()))
+        self._write(bytes(message.get_msgbuf()))
         try:
             self._on_message(message, received_s)
-        except Exception:  # a message must not end the thread that hears the next one
+        except Exception as error:  # a message must not end the thread that hears the next one
             self.counts.failed += 1
+            if is_new(error, self._known):
+                _log.exception("a message's handling failed: %s", message.get_type())
 
     def _receive(self) -> None:
         while not self._stopping.is_set():
@@ -162,9 +177,8 @@ class MavlinkLink:
                 self.take(got[0], got[1], time.monotonic())
 
     def _write(self, data: bytes) -> None:
-        if self._log is not None:
-            with contextlib.suppress(OSError, ValueError):
-                self._log.write(struct.pack(">Q", int(time.time() * 1e6)) + data)
+        if self._writing is not None:
+            self._writing.give(struct.pack(">Q", int(time.time() * 1e6)) + data)
 
 
 def read_key(path: Path) -> bytes:

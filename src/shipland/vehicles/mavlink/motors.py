@@ -6,13 +6,12 @@ import math
 
 from shipland.messages import Intent, PilotCommand
 from shipland.vehicles.mavlink.dialect import dialect
+from shipland.vehicles.mavlink.modes import MODE_KNOWN_S
 from shipland.vehicles.mavlink.parameters import MavlinkParameters
 from shipland.vehicles.mavlink.session import FORCE, Session
 from shipland.vehicles.mavlink.state import AutopilotState
 from shipland.vehicles.touchdown import ContactSignals, GroundContact, TouchdownParameters, TouchdownWatch
 
-_MODE_KNOWN_S = 1.5
-"""A heartbeat older than this does not tell whose mode it is: no motor is stopped in a pilot's."""
 _RANGE_S = 1.0
 """Largest age of a rangefinder's reading that counts."""
 
@@ -40,7 +39,9 @@ class MotorStop:
             range_m=state.range_m if now_s - state.range_t_s <= _RANGE_S else None,
         )
         contact = self._watch.see(touch)
-        if contact is GroundContact.STANDS and state.armed and now_s - state.heartbeat_s <= _MODE_KNOWN_S:
+        # on a link that lags, what seems new is old: it may have been taken over, and off the deck, since
+        known_s = min(state.heartbeat_s, state.asked_s)
+        if contact is GroundContact.STANDS and state.armed and now_s - known_s <= MODE_KNOWN_S:
             self._disarm(state, now_s)
         elif contact is GroundContact.NONE:
             self._asked = 0  # it was no touchdown: the next disarm request is an ordinary one again

@@ -87,6 +87,16 @@ def missing_parameters(autopilot: int, values: Mapping[str, float]) -> list[str]
     return [group[0] for group in _REQUIRED[autopilot] if not any(name in values for name in group)]
 
 
+def changed_parameters(autopilot: int, told: Mapping[str, float], now: Mapping[str, float]) -> str:
+    """Which required parameters are no longer as told, in words; empty while all are.
+
+    >>> changed_parameters(ARDUPILOT, {"GUID_OPTIONS": 0.0}, {"GUID_OPTIONS": 8.0})
+    'GUID_OPTIONS from 0 to 8'
+    """
+    names = (name for group in _REQUIRED[autopilot] for name in group if name in told)
+    return ", ".join(f"{it} from {told[it]:g} to {now[it]:g}" for it in names if now.get(it, told[it]) != told[it])
+
+
 @dataclass(frozen=True)
 class VehicleLimits:
     """What the vehicle's parameters allow.

@@ -20,12 +20,12 @@ from shipland.vehicles.mavlink.modes import (
     GUIDED,
     GUIDED_NOGPS,
     LOITER,
+    MODE_KNOWN_S,
     PX4_ALTITUDE,
     PX4_AUTO,
     PX4_HOLD,
     PX4_OFFBOARD,
     PX4_POSITION,
-    obeys_us,
 )
 from shipland.vehicles.mavlink.setpoints import MavlinkTarget, level_message, velocity_message
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState, RefusedError, absorb
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 FORCE = 21196
 """Second parameter of a disarm command that is obeyed in the air."""
+_SET_MODE = dialect.MAV_CMD_DO_SET_MODE
 _STREAMS_HZ = {
     "HEARTBEAT": 10, "ATTITUDE": 50, "LOCAL_POSITION_NED": 50, "GLOBAL_POSITION_INT": 20, "VFR_HUD": 25,
     "BATTERY_STATUS": 1, "RC_CHANNELS": 10, "DISTANCE_SENSOR": 20, "GIMBAL_DEVICE_ATTITUDE_STATUS": 30, "SYS_STATUS": 2,
@@ -44,8 +45,8 @@ _STREAMS_HZ = {
 """Requested messages and their rates [Hz]; a change of mode is seen at the next heartbeat."""
 _STREAM_ANSWER_S = 1.5
 """Timeout of the answer to each of these requests, which are sent twice within it."""
-_HOLD_ANSWER_S = 1.5
-"""Timeout of the answer to the final hold command, which is sent twice within it."""
+_HOLD_ANSWER_S, _HOLD_AGAIN_S = 1.5, 0.8
+"""Timeout of the final hold command, and the time until it is sent again."""
 _PARAMETERS_S = 3.0
 """Timeout of the answers for parameters."""
 _HISTORY = 512
@@ -170,7 +171,12 @@ class Session:
             time.sleep(0.02)
 
     def command(self, number: int, *parameters: float) -> None:
-        """Send COMMAND_LONG; its acknowledgement shows in the state."""
+        """Send COMMAND_LONG; its acknowledgement shows in the state.
+
+        No mode is asked for while the present one is not known: a person may have chosen it since.
+        """
+        if number == _SET_MODE and time.monotonic() - self.state.heartbeat_s > MODE_KNOWN_S:
+            return
         target = self.target
         values = [*map(float, parameters), *[0.0] * (7 - len(parameters))]
         self.link.send(dialect.MAVLink_command_long_message(target.system, target.component, number, 0, *values))
@@ -205,16 +211,27 @@ class Session:
     def ask_guided(self, unless: Callable[[], bool]) -> int:
         """Ask for the mode that obeys us; see `ask`."""
         mode = (PX4_OFFBOARD, 0) if self.state.autopilot == PX4 else (GUIDED, 0)
-        return self.ask(dialect.MAV_CMD_DO_SET_MODE, 1, *mode, unless=unless)
+        return self.ask(_SET_MODE, 1, *mode, unless=unless)
 
-    def ask_hold(self) -> None:
+    def ask_hold(self, is_ours: Callable[[AutopilotState], bool]) -> None:
         """Ask for a mode in which the vehicle holds its place by itself, until it has left ours.
 
-        Where that is refused, as without a position, the last set-point stands until the autopilot's own timeout.
+        Only straight after a heartbeat, as the link's guard does: a mode that a person chose since must not be taken
+        away. Where it is refused, as without a position, the last set-point stands until the autopilot's own timeout.
+
+        Args:
+            is_ours: whether a state's mode is ours to end.
         """
-        # a mode that is not ours any more may be the pilot's: it is not asked again
-        taken = lambda: not obeys_us(self.state)  # noqa: E731
-        self.ask(dialect.MAV_CMD_DO_SET_MODE, 1, *self._hold_mode, timeout_s=_HOLD_ANSWER_S, unless=taken)
+        heard_s, answers = self.state.heartbeat_s, self.state.answers(_SET_MODE)
+        end_s, again_s = time.monotonic() + _HOLD_ANSWER_S, -math.inf
+        while (now_s := time.monotonic()) < end_s:
+            state = self.state
+            if not is_ours(state) or state.denied(_SET_MODE, answers):
+                return
+            if state.heartbeat_s > heard_s and now_s >= again_s:
+                self.command(_SET_MODE, 1, *self._hold_mode)
+                heard_s, again_s = state.heartbeat_s, now_s + _HOLD_AGAIN_S
+            time.sleep(0.01)
 
     @property
     def _hold_mode(self) -> tuple[int, int]:
@@ -232,9 +249,7 @@ class Session:
         holds = {str(GUIDED): hold, str(GUIDED_NOGPS): packed(level_message(target))}
         px4 = self.state.autopilot == PX4
         mode = (1.0, *map(float, self._hold_mode), 0.0, 0.0, 0.0, 0.0)
-        ask = dialect.MAVLink_command_long_message(
-            target.system, target.component, dialect.MAV_CMD_DO_SET_MODE, 0, *mode
-        )
+        ask = dialect.MAVLink_command_long_message(target.system, target.component, _SET_MODE, 0, *mode)
         return Orders(
             own=self.link.own,
             vehicle=target.system,
@@ -259,7 +274,7 @@ class Session:
             mode = PX4_POSITION if patient else PX4_ALTITUDE
         else:
             mode = LOITER if patient else ALT_HOLD
-        self.command(dialect.MAV_CMD_DO_SET_MODE, 1, mode, 0)
+        self.command(_SET_MODE, 1, mode, 0)
 
     def read_parameters(self, names: Sequence[str], enough: Callable[[Mapping[str, float]], bool]) -> dict[str, float]:
         """The values of those parameters that the vehicle has.
@@ -285,8 +300,11 @@ class Session:
         return known
 
     def beat(self) -> None:
-        """Our heartbeat, and the question for the round trip."""
+        """Our heartbeat."""
         self.link.send(_heartbeat())
+
+    def ask_time(self) -> None:
+        """The question for the round trip, whose answer shows how old what comes may be."""
         self.link.send(dialect.MAVLink_timesync_message(0, time.monotonic_ns()))
 
 

@@ -88,6 +88,7 @@ class AutopilotState:
         armed: motors may run.
         clock: the autopilot's.
         trips_s: the last round trips.
+        asked_s: when we asked the newest question of the time that was answered: what comes now is no older.
         attitude_t_s: when the attitude was true.
         roll_rad, pitch_rad, heading_rad: attitude.
         velocity_t_s: when position and velocity were true.
@@ -117,6 +118,7 @@ class AutopilotState:
     armed: bool = False
     clock: Clock = Clock()
     trips_s: tuple[float, ...] = ()
+    asked_s: float = math.nan
     attitude_t_s: float = math.nan
     roll_rad: float = math.nan
     pitch_rad: float = math.nan
@@ -307,10 +309,11 @@ def _text(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:
 
 def _times(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
     """The answer to our own question: tc1 is the autopilot's clock, ts1 what we asked with [ns]."""
-    round_trip_s = received_s - 1e-9 * it.ts1
+    asked_s = 1e-9 * it.ts1
+    round_trip_s = received_s - asked_s
     if it.tc1 <= 0 or not 0.0 <= round_trip_s < _LONGEST_TRIP_S:
         return state
-    return replace(state, trips_s=(*state.trips_s[1 - _TRIPS :], round_trip_s))
+    return replace(state, trips_s=(*state.trips_s[1 - _TRIPS :], round_trip_s), asked_s=asked_s)
 
 
 _Handler = Callable[[AutopilotState, Any, float], AutopilotState]

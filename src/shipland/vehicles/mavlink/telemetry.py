@@ -14,6 +14,8 @@ _SLOW_S = 10.0
 """Battery and radio are reported about once a second; what is older is not known."""
 _STICKS_S = 2.0
 """Likewise the transmitter's sticks, ten times a second."""
+_ANSWER_S = 2.0
+"""Likewise an answer to our questions of the time, four a second; a link that lags makes old telemetry look new."""
 _HEADING_S = 0.2
 """A velocity that is turned by a heading older than this is as old as the heading."""
 
@@ -61,4 +63,6 @@ def alerts_at(state: AutopilotState, t_s: float) -> str:
     words = [text for said_s, text in state.alerts.values() if text and t_s - said_s <= ALERT_S]
     if state.sticks_us and not transmitter_heard(state, t_s):
         words.append("the transmitter's sticks are no longer reported")
+    if t_s - state.asked_s > _ANSWER_S:
+        words.append(f"no answer for {t_s - state.asked_s:.0f} s: the link lags or is lost")
     return "; ".join(words)

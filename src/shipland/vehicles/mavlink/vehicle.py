@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 
 from shipland.camera import Camera
 from shipland.errors import VehicleError
@@ -27,6 +28,7 @@ from shipland.vehicles.mavlink.parameters import (
     PX4_NAMES,
     MavlinkParameters,
     VehicleLimits,
+    changed_parameters,
     missing_parameters,
     response_within,
 )
@@ -44,6 +46,8 @@ from shipland.vehicles.wanted import HOLD, Wanted, pressed, wanted_of
 
 _HEIGHT_S = 1.0
 """A take-off of ours does not climb on a height older than this."""
+_ASK_TIME_S = 0.25
+"""From one question of the time to the next; several may be lost before an answer is missed."""
 _HAND_OVER_S = 0.5
 """From one request for a mode to the next."""
 
@@ -60,9 +64,10 @@ class MavlinkVehicle(SetpointVehicle):
         self._control = Control(self._parameters.stick_takeover_us)
         self._opening = False
         self._hand_overs, self._handed_s = 0, -math.inf
-        self._beat_s = self._awake_s = -math.inf
+        self._beat_s = self._asked_s = self._awake_s = -math.inf
         self._response: Response | None = None
         self._limits: VehicleLimits | None = None
+        self._told: Mapping[str, float] = {}
         self._mounting: Mounting | None = None
 
     # What the loop sees
@@ -109,6 +114,7 @@ class MavlinkVehicle(SetpointVehicle):
                 lambda found: not missing_parameters(autopilot, found),
             )
             limits = self._limits = VehicleLimits.of(autopilot, values)
+            self._told = values
             self._response = response_within(parameters, limits, autopilot, self._setup.response_table)
             hover = limits.hover_throttle or parameters.hover_throttle
             self._taking = Taking(session, self._control, parameters, lambda: self._closed)
@@ -146,12 +152,12 @@ class MavlinkVehicle(SetpointVehicle):
         session = self._session
         if session is not None and self._control.granted:
             self._end("the flight was ended here; the vehicle holds")
-            if self._control.has(session.state):
+            if self._control.answers_for(session.state):
                 self._control.released = True
                 session.link.send(velocity_message(HOLD, session.target, int(1e3 * time.monotonic()) & 0xFFFFFFFF))
-                session.ask_hold()
+                session.ask_hold(self._control.answers_for)
             until_s = time.monotonic() + 3.0 * _HAND_OVER_S
-            while self._control.by_sticks and obeys_us(session.state) and time.monotonic() < until_s:
+            while self._control.by_sticks and time.monotonic() < until_s:
                 time.sleep(0.02)  # the set-points' thread is asking for a mode that obeys the pilot
             session.link.watch(None)
         self._stack.close()
@@ -202,9 +208,13 @@ class MavlinkVehicle(SetpointVehicle):
                 self._command = None
 
     def _on_state(self, before: AutopilotState, after: AutopilotState) -> None:
-        """Notice on the receiving thread that the vehicle is no longer ours."""
+        """Notice on the receiving thread that the vehicle is no longer ours, or obeys us otherwise than it told."""
         self._control.see(before, after)
         self._end_if_lost()
+        if after.parameters is not before.parameters and self._told:
+            changed = changed_parameters(after.autopilot, self._told, after.parameters)
+            if changed:
+                self._end(f"what sticks mean was changed ({changed}); the vehicle holds")
 
     def _end_if_lost(self) -> None:
         lost = self._control.lost
@@ -224,6 +234,9 @@ class MavlinkVehicle(SetpointVehicle):
         if now_s - self._beat_s >= 1.0:
             self._beat_s = now_s
             session.beat()
+        if now_s - self._asked_s >= _ASK_TIME_S:
+            self._asked_s = now_s
+            session.ask_time()
         state = session.state
         if step_s > self._parameters.setpoint_gap_s:
             self._awake_s = now_s  # what came while this process stood still is not read yet
@@ -231,9 +244,8 @@ class MavlinkVehicle(SetpointVehicle):
         if control.granted and unheard_s > self._parameters.link_timeout_s:
             control.lose(f"link lost: no heartbeat for {self._parameters.link_timeout_s:g} s")
             self._end_if_lost()
-        if control.by_sticks and obeys_us(state) and now_s - self._handed_s > _HAND_OVER_S:
-            session.hand_over(self._hand_overs)
-            self._handed_s, self._hand_overs = now_s, self._hand_overs + 1
+        if control.by_sticks:
+            self._hand_over(state, now_s)
         if control.lands(state):
             self._aim(self._newest(now_s), now_s)
         if not self._may_command(state):
@@ -251,6 +263,14 @@ class MavlinkVehicle(SetpointVehicle):
         self._aim(newest, now_s)
         if self._setup.engagement.own_landing:
             self._let_it_land(newest is not None and newest.intent is Intent.LAND, state, now_s)
+
+    def _hand_over(self, state: AutopilotState, now_s: float) -> None:
+        """Ask for a mode that obeys the pilot's sticks, until it has one; what is chosen after that is left alone."""
+        if not (obeys_us(state) or self._control.lands(state)):
+            self._control.by_sticks = False
+        elif now_s - self._handed_s > _HAND_OVER_S:
+            self.session.hand_over(self._hand_overs)
+            self._handed_s, self._hand_overs = now_s, self._hand_overs + 1
 
     def _may_command(self, state: AutopilotState) -> bool:
         """Whether set-points may leave: control is ours now.

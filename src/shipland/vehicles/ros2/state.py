@@ -21,11 +21,20 @@ _SLOW_S = 10.0
 """A battery that is reported less often is not known."""
 
 
+_OBEYING = ("OFFBOARD", "GUIDED", "GUIDED_NOGPS", "")
+"""Modes that obey set-points, by mavros's names; a vehicle without modes gives none."""
+
+
+def obeys_set_points(state: Any) -> bool:  # noqa: ANN401
+    """Whether a mavros_msgs/State says so: mavros's `guided` alone is true in LOITER, RTL and AUTO as well."""
+    return bool(state.guided) and state.mode in _OBEYING
+
+
 class Heard:
     """The vehicle's messages, merged on the node's thread, read from any.
 
-    Control is ours while the vehicle says that it is armed and obeys set-points (`guided`); once it has been ours,
-    the first message that says otherwise ends it for good.
+    Control is ours while the vehicle says that it is armed and obeys set-points (`obeys_set_points`); once it has been
+    ours, the first message that says otherwise ends it for good.
     """
 
     def __init__(self) -> None:
@@ -39,15 +48,15 @@ class Heard:
         """When the vehicle's state came last [s]."""
         self.land: bool | None = None
         """What `/shipland/land` said last."""
-        self._engaged = False
+        self._engaged = self._our_clock = False
         self.landing = False
         """Whether the descent that is flown ends on the deck: motors that stop then have landed it."""
         self.lost = ""
         """Why control is gone for good, in words; empty while it is not."""
 
     def take_odometry(self, odometry: Any) -> None:  # noqa: ANN401
-        """nav_msgs/Odometry; a stamp of another clock counts as now."""
-        true_s = ours_s(seconds(odometry.header.stamp)) or time.monotonic()
+        """nav_msgs/Odometry."""
+        true_s = self._true_s(seconds(odometry.header.stamp))
         with self._changed:
             told = self._telemetry = with_odometry(self._telemetry, odometry, true_s)
             if told.roll_rad is not None and told.pitch_rad is not None and told.attitude_t_s == true_s:
@@ -58,7 +67,7 @@ class Heard:
         """geometry_msgs/QuaternionStamped."""
         gimbal = gimbal_of(attitude)
         if gimbal is not None:
-            true_s = ours_s(seconds(attitude.header.stamp)) or time.monotonic()
+            true_s = self._true_s(seconds(attitude.header.stamp))
             self._mounts.append((true_s, gimbal.roll_rad, gimbal.pitch_rad))
 
     def take_battery(self, battery: Any) -> None:  # noqa: ANN401
@@ -73,7 +82,7 @@ class Heard:
             self._state, self.state_s = state, time.monotonic()
             if self._engaged and not state.armed:
                 self._lose("landed: the motors have stopped" if self.landing else "the motors have stopped")
-            elif self._engaged and not state.guided:
+            elif self._engaged and not obeys_set_points(state):
                 self._lose(f"the pilot took over: {state.mode or 'no mode given'}")
             self._changed.notify_all()
 
@@ -94,7 +103,7 @@ class Heard:
     @property
     def obeys(self) -> bool:
         """Armed and obeying set-points, by its own word."""
-        return self._state is not None and bool(self._state.armed and self._state.guided)
+        return self._state is not None and bool(self._state.armed) and obeys_set_points(self._state)
 
     @property
     def ours(self) -> bool:
@@ -140,6 +149,17 @@ class Heard:
         """Attitudes a second of late."""
         since_s = time.monotonic() - window_s
         return sum(1 for true_s, _, _ in list(self._attitudes) if true_s > since_s) / window_s
+
+    def _true_s(self, stamp_s: float) -> float:
+        """When what is stamped was true; a stamp of another clock counts as now.
+
+        Once stamps were of our clock, one that is older than any of another's is late: it must not seem new.
+        """
+        true_s, age_s = ours_s(stamp_s), time.time() - stamp_s
+        self._our_clock = self._our_clock or true_s is not None
+        if true_s is None:
+            true_s = time.monotonic() - (max(age_s, 0.0) if self._our_clock else 0.0)
+        return true_s
 
     def _lose(self, reason: str) -> None:
         self.lost = self.lost or reason

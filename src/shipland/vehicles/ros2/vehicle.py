@@ -143,6 +143,7 @@ class Ros2Vehicle(SetpointVehicle):
             if self._heard.ours and not self._end_reason:
                 self._end("the flight was ended here; the vehicle holds")
                 self._velocity.send(velocity_message(HOLD, time.time()))
+            self._let_motors_stop(False)
             self._telling.state("", self.end_reason, time.monotonic())
             self._telling.ended(self.end_reason)
         self._stack.close()
@@ -200,15 +201,19 @@ class Ros2Vehicle(SetpointVehicle):
         heard, now_s = self._heard, time.monotonic()
         heard.watch_silence(self._parameters.link_timeout_s)
         if not heard.ours:
+            self._let_motors_stop(False)
             return
         newest = self._newest(now_s)
         wanted = HOLD if newest is None else wanted_of(newest, self._setup.response)
         heard.landing = newest is not None and newest.intent is Intent.LAND
-        may_stop = newest is not None and heard.landing and newest.at_contact_height
-        self._landing.send(message("std_msgs/msg/Bool", data=may_stop))
+        self._let_motors_stop(newest is not None and heard.landing and newest.at_contact_height)
         self._set_point(wanted, step_s)
         if newest is not None and self._turns_camera(newest.gimbal_pitch_rad, now_s):
             self._mount.send(gimbal_message(GimbalAttitude(0.0, newest.gimbal_pitch_rad), time.time()))
+
+    def _let_motors_stop(self, at_contact: bool) -> None:
+        """Told at every turn, and when control has gone: whoever flies then must not lose the motors to our landing."""
+        self._landing.send(message("std_msgs/msg/Bool", data=at_contact))
 
     def _set_point(self, wanted: Wanted, step_s: float) -> None:
         """A hold is a velocity of zero for either kind: a level attitude drifts with the wind."""
