@@ -40,8 +40,8 @@ class MotorStop:
         )
         contact = self._watch.see(touch)
         # on a link that lags, what seems new is old: it may have been taken over, and off the deck, since
-        known_s = min(state.heartbeat_s, state.asked_s)
-        if contact is GroundContact.STANDS and state.armed and now_s - known_s <= MODE_KNOWN_S:
+        known = now_s - state.heartbeat_s <= MODE_KNOWN_S and now_s - state.asked_s <= MODE_KNOWN_S
+        if contact is GroundContact.STANDS and state.armed and known:
             self._disarm(state, now_s)
         elif contact is GroundContact.NONE:
             self._asked = 0  # it was no touchdown: the next disarm request is an ordinary one again
