@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,9 @@ import pytest
 from shipland.config import build, packaged_toml
 from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.response import Response
+from shipland.vehicles.mavlink.motors import MotorStop
+from shipland.vehicles.mavlink.parameters import MavlinkParameters
+from shipland.vehicles.mavlink.state import AutopilotState
 from shipland.vehicles.touchdown import ContactSignals, GroundContact, TouchdownParameters, TouchdownWatch
 from shipland.vehicles.wanted import pressed
 
@@ -210,3 +214,14 @@ RESPONSE = packaged_toml("vehicles")["response"]["attitude"] | {
     "kind": "attitude", "max_tilt_rad": 0.3, "max_climb_mps": 1.0, "max_turn_rad_s": 0.7, "max_speed_mps": 0.0,
     "servo_per_s": 0.0,
 }  # fmt: skip
+
+
+@pytest.mark.parametrize(("asked_s", "stopped"), [(99.5, True), (98.0, False), (math.nan, False)])
+def test_motors_stop_only_where_the_link_is_known_to_be_quick(asked_s, stopped, monkeypatch) -> None:
+    sent: list[int] = []
+    session: Any = SimpleNamespace(command=lambda number, *_: sent.append(number))
+    motors = MotorStop(session, MavlinkParameters(), LIMITS, HOVER)
+    monkeypatch.setattr(motors, "_watch", SimpleNamespace(see=lambda _: GroundContact.STANDS))
+    state = AutopilotState(armed=True, heartbeat_s=99.9, asked_s=asked_s)
+    motors.look(None, state, 100.0)
+    assert bool(sent) == stopped
