@@ -85,7 +85,7 @@ def _markdown(columns: Mapping[str, Column], rows: Sequence[Mapping[str, Any]], 
     aligned = ["---:" if columns[key].form else "---" for key in shown]
     if across:
         places = [cell(row.get(across), columns[across]) for row in rows]
-        values = list(dict.fromkeys(places))
+        values = sorted(dict.fromkeys(places), key=_as_number)
         cells = {(*line[:-1], place): line[-1] for line, place in zip(lines, places, strict=True)}
         firsts = dict.fromkeys(tuple(line[:-1]) for line in lines)
         lines = [[*first, *(cells.get((*first, value), "–") for value in values)] for first in firsts]
@@ -93,6 +93,14 @@ def _markdown(columns: Mapping[str, Column], rows: Sequence[Mapping[str, Any]], 
         aligned[-1:] = aligned[-1:] * len(values)
     texts = [" | ".join(each) for each in (heads, *lines)]
     return "\n".join([f"| {texts[0]} |", "|" + "|".join(aligned) + "|", *(f"| {text} |" for text in texts[1:])]) + "\n"
+
+
+def _as_number(text: str) -> float:
+    """Numbers ascend; other texts stay in their order."""
+    try:
+        return float(text)
+    except ValueError:
+        return 0.0
 
 
 def _asked(match: re.Match[str]) -> str | None:
