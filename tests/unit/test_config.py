@@ -427,7 +427,7 @@ GUARDS = {
     "guidance.approach": "max_height_error_m max_speed_mps max_yaw_error_deg max_data_age_s gate_m abort_offset_m "
     "go_around_radius_m go_around_height_m go_around_percent go_around_s",
     "guidance.modes": "lost_s lost_box_s memory_s blind_landing_s",
-    "guidance.horizon": "abort_offset_m position_std_max_m deck_std_max_m",
+    "guidance.horizon": "abort_offset_m position_std_max_m",
     "guidance.horizon.descent": "sink_mps final_descent_mps",
     "guidance.horizon.delayed": "velocity_gate picture_gate lag_s",
     "vision": "max_blur max_noise reprojection_px max_distance_m track_s track_climb_mps gimbal_noise_rad",
