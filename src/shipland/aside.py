@@ -6,16 +6,19 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Generic, TypeVar
+from contextlib import suppress
+from typing import IO, Any, Generic, TypeVar
 
 Thing = TypeVar("Thing")
+_MOST_ENTRIES, _LOG_CLOSE_S = 10_000, 2.0
+"""Entries of a log that wait for the disk, half a minute of a vehicle's messages; how long the end waits for it."""
 
 
 class Aside(Generic[Thing]):
     """Does what it is given on a thread of its own, in order; whoever gives never waits and gets no error.
 
     Args:
-        do: takes one thing, what it returns is dropped; where it raises, nothing more is done, and `error` says why.
+        do: takes one thing; where it raises, nothing more is done, and `error` says why.
         most: so many things wait; what is given beyond them is lost, and counted.
         name: of the thread.
     """
@@ -78,3 +81,24 @@ class Aside(Generic[Thing]):
                     self.lost += 1 + len(self._things)
                     self._things.clear()
                 return
+
+
+class LogAside(Aside[Thing]):
+    """Writes and closes a log that must keep nobody, though the disk stalls or is full.
+
+    Args:
+        file: open for writing.
+        name: of the thread.
+    """
+
+    def __init__(self, file: IO[Any], name: str) -> None:
+        super().__init__(file.write, _MOST_ENTRIES, name)
+        self._file = file
+
+    def close(self, timeout_s: float | None = _LOG_CLOSE_S) -> bool:
+        """See `Aside`; a file that is still written to stays open."""
+        done = super().close(timeout_s)
+        if done:
+            with suppress(OSError):
+                self._file.close()
+        return done

@@ -9,15 +9,13 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
-from shipland.aside import Aside
+from shipland.aside import LogAside
 from shipland.errors import VehicleError
 
 _GOODBYE_S = 4.0
 """Time for the process to release the sticks and to disconnect."""
-_MOST_WAITING, _LOG_CLOSE_S = 10_000, 2.0
-"""Records that wait for the disk, and how long the end waits for it."""
 _LONGEST_LINE, _LARGEST_PICTURE = 1 << 20, 1 << 26
 """Bytes of a record's line and of its picture; 4K takes 12 million."""
 
@@ -45,7 +43,6 @@ class AnafiProcess:
     ) -> None:
         self._on_record, self._on_end = on_record, on_end
         self._log = _opened(log)
-        self._writing = None if self._log is None else Aside(self._log.write, _MOST_WAITING, "anafi-log")
         self.refused = 0
         """Records that could not be used."""
         try:
@@ -77,9 +74,8 @@ class AnafiProcess:
             self._process.kill()
             self._process.wait()
         self._thread.join(1.0)
-        if self._log is not None and self._writing is not None and self._writing.close(_LOG_CLOSE_S):
-            with suppress(OSError):  # a full disk
-                self._log.close()
+        if self._log is not None:
+            self._log.close()
 
     def _listen(self) -> None:
         assert self._process.stdout is not None
@@ -98,15 +94,15 @@ class AnafiProcess:
         self._on_end()
 
     def _note(self, direction: str, record: Mapping[str, Any]) -> None:
-        if self._writing is not None:
-            self._writing.give(json.dumps({"at_s": round(time.monotonic(), 4), direction: record}) + "\n")
+        if self._log is not None:
+            self._log.give(json.dumps({"at_s": round(time.monotonic(), 4), direction: record}) + "\n")
 
 
-def _opened(log: Path | None) -> TextIO | None:
+def _opened(log: Path | None) -> LogAside[str] | None:
     if log is None:
         return None
     try:
         log.parent.mkdir(parents=True, exist_ok=True)
-        return log.open("w", buffering=1, encoding="utf-8")
+        return LogAside(log.open("w", buffering=1, encoding="utf-8"), "anafi-log")
     except OSError as error:
         raise VehicleError(f"message log {log} cannot be written: {error.strerror}") from None

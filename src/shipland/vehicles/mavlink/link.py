@@ -6,7 +6,6 @@ dropped and counted.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import logging
 import struct
@@ -17,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from shipland.aside import Aside
+from shipland.aside import LogAside
 from shipland.errors import ConfigError
 from shipland.soundness import is_new
 from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
@@ -27,9 +26,6 @@ if TYPE_CHECKING:
     from shipland.vehicles.mavlink.guard_process import GuardedPort
 
 _log = logging.getLogger(__name__)
-
-_MOST_WAITING, _LOG_CLOSE_S = 10_000, 2.0
-"""Messages that wait for the disk, half a minute's, and how long the end waits for it."""
 
 
 @dataclass
@@ -68,8 +64,8 @@ class MavlinkLink:
         key: bytes | None = None,
         log: BinaryIO | None = None,
     ) -> None:
-        self._port, self._on_message, self._log = port, on_message, log
-        self._writing: Aside[bytes] | None = None if log is None else Aside(log.write, _MOST_WAITING, "mavlink-log")
+        self._port, self._on_message = port, on_message
+        self._log: LogAside[bytes] | None = None if log is None else LogAside(log, "mavlink-log")
         self._codec = Codec(system, component, key, link=component)
         self._lock = threading.Lock()
         self._peer: object = None
@@ -127,9 +123,8 @@ class MavlinkLink:
         if self._thread.is_alive():
             self._thread.join(1.0)
         self._port.close()
-        if self._log is not None and self._writing is not None and self._writing.close(_LOG_CLOSE_S):
-            with contextlib.suppress(OSError):  # a full disk
-                self._log.close()
+        if self._log is not None:
+            self._log.close()
 
     def take(self, data: bytes, sender: object, received_s: float) -> None:
         """Take in bytes of a sender; the receiving thread's work, and what a test feeds."""
@@ -177,8 +172,8 @@ class MavlinkLink:
                 self.take(got[0], got[1], time.monotonic())
 
     def _write(self, data: bytes) -> None:
-        if self._writing is not None:
-            self._writing.give(struct.pack(">Q", int(time.time() * 1e6)) + data)
+        if self._log is not None:
+            self._log.give(struct.pack(">Q", int(time.time() * 1e6)) + data)
 
 
 def read_key(path: Path) -> bytes:
