@@ -43,6 +43,8 @@ def main(
         raise SystemExit(f"studies: --runs is {runs}; at least 1 was expected")
     if wrong := [each for each in where if "=" not in each]:
         raise SystemExit(f"studies: --where {wrong[0]}: COLUMN=VALUE was expected")
+    if confirm_only and (runs is not None or where):
+        raise SystemExit("studies: --confirm measures whole results again; it goes without --runs and --where")
     wanted = dict(each.split("=", 1) for each in where)
     chosen = [name for name in ORDER if not names or any(fnmatch.fnmatchcase(name, pattern) for pattern in names)]
     if list_only:
@@ -56,7 +58,11 @@ def main(
         if not cases_where(study, wanted):
             raise SystemExit(f"studies: no case of {name} has {' and '.join(where)}")
         if confirm_only:
-            print(confirm(name, study, workers), flush=True)
+            try:
+                print(confirm(name, study, workers), flush=True)
+            except KeyboardInterrupt:
+                print(f"studies: stopped in {name}; nothing of it is taken over", file=sys.stderr)
+                raise SystemExit(130) from None
             continue
         if not run(name, study, runs, workers, wanted):
             print(f"studies: stopped in {name}; run the command again to resume", file=sys.stderr)

@@ -116,7 +116,9 @@ STUDY = Study(
         "learning/ranges.py",
         "learning/shots.py",
         "sim/scene",
+        "sim/scene_parameters.py",
         "vision/far",
+        "vision/parameters.py",
     ),
     minutes=6,
 )

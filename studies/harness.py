@@ -253,13 +253,14 @@ def confirm(name: str, study: Study, workers: int = 2) -> str:
     sample = [*cases[:-1:10], cases[-1]]
     with ProcessPoolExecutor(workers, get_context("spawn"), _ignore_interrupt) as pool:
         measured = [pool.submit(_measure, name, case, study.runs) for case in sample]
-        for case, future in zip(sample, measured, strict=True):
-            if json.loads(json.dumps(future.result())) != rows_of(found["rows"], case):
-                pool.shutdown(cancel_futures=True)
-                return f"{name}: {dict(case)} comes out otherwise"
+        try:
+            for case, future in zip(sample, measured, strict=True):
+                if json.loads(json.dumps(future.result())) != rows_of(found["rows"], case):
+                    return f"{name}: {dict(case)} comes out otherwise"
+        finally:
+            pool.shutdown(cancel_futures=True)
     same = f"{len(sample)} of {len(cases)} cases measured again by {code_version()}, to the digit"
-    text = json.dumps(found | {"source": source, "confirmed": same}, ensure_ascii=False, indent=1)
-    write_atomically(path, (text + "\n").encode())
+    _dump(path, found | {"source": source, "confirmed": same})
     return f"{name}: {same}"
 
 
@@ -278,8 +279,11 @@ def _write(
         "runs": runs,
         "rows": rows,
     }
-    text = json.dumps(table, ensure_ascii=False, indent=1)
-    write_atomically(path, (text + "\n").encode())
+    _dump(path, table)
+
+
+def _dump(path: Path, table: Mapping[str, Any]) -> None:
+    write_atomically(path, (json.dumps(table, ensure_ascii=False, indent=1) + "\n").encode())
 
 
 def listing(names: Sequence[str]) -> str:
