@@ -39,17 +39,27 @@ TOLD = {
 """Name: from the response as it is to the one that the pilot is told."""
 
 PILOTS = {"horizon": horizon, "residual": residual, "learned": learned}
+SCENARIOS = ("rig-natops", "ship-sea6")
+GAIN_BELIEVED = "the sticks' gain is not found in flight"
+SET: dict[str, dict[str, float]] = {
+    "as in the scenario": {},
+    GAIN_BELIEVED: {"guidance.horizon.gain.deviation": 0.0},
+    "9 m/s": {"wind.mean_mps": 9.0},
+}
 SETTINGS = (
-    *(("horizon", name, "as in the scenario", told) for name, told in product(("rig-natops", "ship-sea6"), TOLD)),
+    *(("horizon", name, "as in the scenario", told) for name, told in product(SCENARIOS, TOLD)),
+    *(
+        ("horizon", name, GAIN_BELIEVED, told)
+        for name, told in product(SCENARIOS, ("as it is", "tilt of full sticks × 0.8", "tilt of full sticks × 1.25"))
+    ),
     *(
         (pilot, name, "9 m/s", told)
         for pilot, name, told in product(
-            ("horizon", "residual"), ("rig-natops", "ship-sea6"), ("time constants × 0.7", "time constants × 1.4")
+            ("horizon", "residual"), SCENARIOS, ("time constants × 0.7", "time constants × 1.4")
         )
     ),
 )
-"""Pilot, scenario, mean wind, what the pilot is told."""
-WIND: dict[str, dict[str, float]] = {"as in the scenario": {}, "9 m/s": {"wind.mean_mps": 9.0}}
+"""Pilot, scenario, what is set beside, what the pilot is told."""
 
 
 def _pilot(setup: PilotSetup, name: str, told: str) -> Pilot:
@@ -57,13 +67,13 @@ def _pilot(setup: PilotSetup, name: str, told: str) -> Pilot:
 
 
 def cases() -> Sequence[Case]:
-    """Every vehicle as it is told to `horizon`; wrong time constants to two pilots in more wind."""
-    return [dict(zip(("pilot", "scenario", "wind", "told"), setting, strict=True)) for setting in SETTINGS]
+    """All told vehicles to `horizon`, a gain also without its bank; wrong time constants to two pilots in more wind."""
+    return [dict(zip(("pilot", "scenario", "set", "told"), setting, strict=True)) for setting in SETTINGS]
 
 
 def measure(case: Case, runs: int) -> Row:
     """Flights with the seeds 1 … runs."""
-    scenario = load_scenario(str(case["scenario"]), **WIND[str(case["wind"])])
+    scenario = load_scenario(str(case["scenario"]), **SET[str(case["set"])])
     pilot = partial(_pilot, name=str(case["pilot"]), told=str(case["told"]))
     flown = [fly_quietly(scenario, pilot, "geometric", seed) for seed in range(1, runs + 1)]
     touched = [each.verdict.touchdown_in_deck_m for each in flown if each.verdict is not None]
@@ -79,7 +89,7 @@ STUDY = Study(
     columns={
         "pilot": Column("pilot"),
         "scenario": Column("scenario"),
-        "wind": Column("wind"),
+        "set": Column("set"),
         "told": Column("the pilot is told"),
         "success": Column("success [%] (95 % interval)", ".0f", 100.0),
         "error_m": Column("error median [cm]", ".1f", 100.0),
