@@ -34,8 +34,8 @@ ODOM, BASE_LINK, BASE_LEVEL, CUE, DECK = "odom", "base_link", "base_level", "cue
 _UNKNOWN = 1e6
 """Variance of what is not measured."""
 
-_IGNORE_ROLL_AND_PITCH_RATE = 1 | 2
-"""AttitudeTarget.type_mask: attitude, yaw rate and thrust count."""
+_EVERYTHING_COUNTS = 0
+"""AttitudeTarget.type_mask: ArduPilot stops at a target with some of its three body rates ignored."""
 
 
 # Headers and geometry
@@ -207,7 +207,7 @@ def wanted_velocity(command: Any) -> Wanted | None:  # noqa: ANN401
 
 
 def attitude_message(wanted: Wanted, heading_rad: float, max_climb_mps: float, t_s: float) -> Any:  # noqa: ANN401
-    """mavros_msgs/AttitudeTarget: attitude against `enu`, yaw rate, and a climb as thrust: 0.5 holds the height.
+    """mavros_msgs/AttitudeTarget: attitude against `enu`, body rates, and a climb as thrust: 0.5 holds the height.
 
     Args:
         wanted: tilts, climb and turn.
@@ -219,7 +219,7 @@ def attitude_message(wanted: Wanted, heading_rad: float, max_climb_mps: float, t
     return message(
         "mavros_msgs/msg/AttitudeTarget",
         header=header(t_s, BASE_LINK),
-        type_mask=_IGNORE_ROLL_AND_PITCH_RATE,
+        type_mask=_EVERYTHING_COUNTS,
         orientation=_quaternion(ENU_FROM_NED @ ned_from_body @ FLU_FROM_FRD),
         body_rate=message("geometry_msgs/msg/Vector3", z=-wanted.turn_rad_s),
         thrust=0.5 + 0.5 * min(max(wanted.climb_mps / max_climb_mps, -1.0), 1.0),
