@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # The far detectors' weights from nothing on one machine with a GPU and a dozen cores, in nine minutes: pictures by all
-# cores, then both detectors at once. Leaves OUT/{ship,bar}.onnx, their checkpoints, curves and cards.
+# cores, then the detectors at once. Leaves OUT/{ship,bar}.onnx, their checkpoints, curves and cards.
 # Usage: tools/train_gpu.sh OUT [START]   (START: a folder with {ship,bar}.safetensors that training goes on from)
-# Environment: PYTHON WORKERS SEED DEVICE MEMORY STEPS BATCH, and minutes: SHIP_CROPS SHIP_FRAMES BAR_CROPS BAR_FRAMES
-# TRAIN_UNTIL (from the start; writing the files takes half a minute more).
+# Environment: PYTHON WORKERS SEED DEVICE MEMORY STEPS BATCH, KINDS ("ship bar"), and minutes: SHIP_CROPS SHIP_FRAMES
+# BAR_CROPS BAR_FRAMES TRAIN_UNTIL (from the start; writing the files takes half a minute more).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 out=$1 start=${2:-} work=${WORK:-/tmp/shipland-train} python=${PYTHON:-python3}
@@ -20,25 +20,23 @@ average_decay = 0.9985
 held_out = 0.03
 patience = 1000
 calibration_pictures = 0
-[train.loss]
-focal_power = 1.0
 [train.far]
-batch = ${BATCH:-256}
-window_px = 224
-learning_rate = 0.004
-evaluate_every = 1000
-validation_pictures = 300
+batch = ${BATCH:-160}
+window_px = 288
+learning_rate = 0.003
+evaluate_every = 1500
+validation_pictures = 500
 hard_rounds = 6
-mine_pictures = 6000
-mine_keep = 6000
+mine_pictures = 5000
+mine_keep = 5000
 hard_fraction = 0.4
 TOML
 
 shipland() { "$python" -c 'import sys; from shipland.cli import main; sys.exit(main())' "$@"; }
-pictures() { # KIND SET SEED MINUTES [OPTION...]
+pictures() { # KIND SET SEED MINUTES MOST [OPTION...]
     local begun=$SECONDS
-    shipland synth --out "$work/$1-$2" --kind "$1" --count 100000 --seed "$3" --minutes "$4" --workers "$workers" "${@:5}" \
-        >/dev/null
+    shipland synth --out "$work/$1-$2" --kind "$1" --count "$5" --seed "$3" --minutes "$4" --workers "$workers" \
+        --config tools/hard_frames.toml "${@:6}" >/dev/null
     echo "$1-$2: $(find "$work/$1-$2/images" -name '*.jpg' | wc -l) pictures in $((SECONDS - begun)) s"
 }
 train() { # KIND MINUTES
@@ -57,17 +55,21 @@ left() { # minutes until training has to end, less what it takes to load and to 
 }
 
 "$python" -c 'from shipland.sim.scene.gl import open_context; print("drawn by", open_context().info["GL_RENDERER"])'
-pictures ship crops $((10 * seed + 1)) "${SHIP_CROPS:-0.6}" --crop-px 352
-pictures ship frames $((10 * seed + 2)) "${SHIP_FRAMES:-0.9}" --config tools/hard_frames.toml
-train ship "$(left)" &
-ship=$!
-pictures bar crops $((10 * seed + 3)) "${BAR_CROPS:-0.4}" --crop-px 352
-pictures bar frames $((10 * seed + 4)) "${BAR_FRAMES:-0.6}" --config tools/hard_frames.toml
-train bar "$(left)" &
-bar=$!
+running=()
+for kind in ${KINDS:-ship bar}; do
+    case $kind in
+    ship) first=1 crops=${SHIP_CROPS:-0.6} frames=${SHIP_FRAMES:-0.9} ;;
+    bar) first=3 crops=${BAR_CROPS:-0.4} frames=${BAR_FRAMES:-0.6} ;;
+    esac
+    pictures "$kind" crops $((10 * seed + first)) "$crops" 30000 --crop-px 416
+    pictures "$kind" frames $((10 * seed + first + 1)) "$frames" 10000
+    train "$kind" "$(left)" &
+    running+=($!)
+done
 failed=0
-wait $ship || failed=1
-wait $bar || failed=1
+for process in "${running[@]}"; do
+    wait "$process" || failed=1
+done
 tail -n 25 "$out"/*.log
 echo "$((SECONDS - began)) s"
 exit $failed
