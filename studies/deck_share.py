@@ -3,7 +3,8 @@
 The bar stands above the deck, so a roll moves it farther, and earlier. Along the ship's axes: the standard deviations
 of the point that the bar defines and of the deck's centre, and what is left of the second when it is predicted from
 pictures of the bar: by one share of the bar's motion, by the pilot's shares of the wave motion's four states
-(`guidance.horizon.wave.deck_shares`), and by those that are best here, now and so far ahead as a picture is old.
+(`guidance.horizon.wave.deck_shares`), and by those that are best here, now and so far ahead as a picture is old; and
+what the best linear filter over five seconds of pictures leaves, fitted to half of the motions, in the other half.
 """
 
 from __future__ import annotations
@@ -23,10 +24,13 @@ from studies.harness import Case, Column, Row, Study
 
 SCENARIOS = ("ship-natops", "ship-sea5", "ship-sea6")
 AXES = ("forward", "starboard", "down")
+DOWN = 2
 STEP_S, SETTLED_S, AHEAD_S = 1.0 / 30.0, 10.0, 0.5
 TIMES_S = np.arange(0.0, 60.0, STEP_S)
 PICTURE_M = 0.01
 """Standard deviation of a picture's place."""
+FILTER_S, EVERY = 5.0, 5
+"""What a linear filter looks back on, and which pictures of it."""
 
 
 def cases() -> Sequence[Case]:
@@ -46,6 +50,20 @@ def estimated(wave: WaveMotion, places_m: Array) -> Array:
         state = state + gain * (place_m - state[0])
         states.append(state)
     return np.array(states)
+
+
+def left_by_filter_m(pictures_m: list[Array], centres_m: list[Array], ahead: int) -> float:
+    """Standard deviation of what a linear filter of pictures (n,k) leaves of centres (n,), so many pictures later."""
+    back, count = round(FILTER_S / STEP_S), len(pictures_m) // 2
+    rows = [
+        np.array([shown[at - back : at : EVERY].ravel() for at in range(back, len(shown) - ahead)])
+        for shown in pictures_m
+    ]
+    true = [centre[back + ahead :] for centre in centres_m]
+    known, fitted = np.concatenate(rows[:count]), np.concatenate(true[:count])
+    ridge = len(known) * PICTURE_M**2 * np.eye(known.shape[1])
+    weights = np.linalg.solve(known.T @ known + ridge, known.T @ fitted)
+    return float(np.std(np.concatenate(true[count:]) - np.concatenate(rows[count:]) @ weights))
 
 
 def measure(case: Case, runs: int) -> list[Row]:
@@ -79,6 +97,11 @@ def measure(case: Case, runs: int) -> list[Row]:
             best = np.linalg.lstsq(every, truth, rcond=None)[0]
             guesses = {"one": share * every[:, 0], "pilot": every @ wave.deck[0], "best": every @ best}
             row |= {f"{which}_{when}_m": float(np.std(truth - guess)) for which, guess in guesses.items()}
+        seen_m = [shown + PICTURE_M * rng.standard_normal(shown.shape) for shown, _ in motions]
+        own_m, with_heave_m = [some[:, [axis]] for some in seen_m], [some[:, [axis, DOWN]] for some in seen_m]
+        true_m = [centres_m[:, axis] for _, centres_m in motions]
+        row["filter_ahead_m"] = left_by_filter_m(own_m, true_m, ahead)
+        row["with_heave_ahead_m"] = left_by_filter_m(with_heave_m, true_m, ahead)
         rows.append(row)
     return rows
 
@@ -98,6 +121,8 @@ STUDY = Study(
         "one_ahead_m": Column("0.5 s ahead: left by one share [cm]", ".1f", 100.0),
         "pilot_ahead_m": Column("by the pilot's [cm]", ".1f", 100.0),
         "best_ahead_m": Column("by the best four [cm]", ".1f", 100.0),
+        "filter_ahead_m": Column("by the best linear filter over 5 s [cm]", ".1f", 100.0),
+        "with_heave_ahead_m": Column("and of the heave [cm]", ".1f", 100.0),
     },
     cases=cases,
     measure=measure,
