@@ -311,6 +311,11 @@ class Decision:
     estimate: Estimate | None = None
     landing_probability: float | None = None
 
+    @property
+    def override(self) -> Override | None:
+        """Which key of a person made it; its reason begins with that."""
+        return next((override for override in Override if self.reason.startswith(override.value)), None)
+
 
 @dataclass(frozen=True)
 class GroundTruth:

@@ -18,7 +18,7 @@ from mavlink_bench import StandIn, bench
 from interrupts import receive
 from shipland import stopping
 from shipland.errors import VehicleError
-from shipland.messages import BarPose, Decision, FlightRecord, Intent, Observation, PilotCommand
+from shipland.messages import BarPose, Decision, FlightRecord, Intent, Observation, Override, PilotCommand
 from shipland.rig import Rig
 from shipland.stopping import stop_requests
 from shipland.vehicles.mavlink.dialect import Codec, dialect
@@ -485,6 +485,25 @@ def test_a_stop_in_the_autopilots_own_landing_holds() -> None:
         assert autopilot.report()["mode"] == OWN_LANDING["ardupilot"]
         vehicle.close()
         assert autopilot.report()["mode"] == 17
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+@pytest.mark.parametrize("override", Override)
+def test_a_persons_key_ends_the_autopilots_own_landing_in_a_hold(kind: str, override: Override) -> None:
+    with bench(kind, engagement=Engagement(take=True, own_landing=True)) as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert autopilot.report()["mode"] == OWN_LANDING[kind]
+        frame, telemetry = vehicle.read() or (None, None)
+        assert frame is not None
+        assert telemetry is not None
+        vehicle.inform_of(Rig(), np.zeros(3))
+        decision = Decision(PilotCommand.hold(frame.t_s, 0.0), None, f"{override.value}; too low to climb")
+        vehicle.inform(FlightRecord(frame, telemetry, Observation(frame.t_s, frame.gimbal, None), decision, None))
+        assert vehicle.read() is None
+        assert override.value in vehicle.end_reason
+        vehicle.close()
+        assert autopilot.report()["mode"] == {"ardupilot": 17, "px4": 4 << 16 | 3 << 24}[kind]
 
 
 def test_a_pilot_at_the_sticks_has_the_autopilots_own_landing_and_keeps_the_mode_chosen_next() -> None:

@@ -183,8 +183,11 @@ class MavlinkVehicle(SetpointVehicle):
         self._mounting = Mounting(camera_in_body_m, rig.deck_in_bar_m)
 
     def inform(self, record: FlightRecord) -> None:
-        """The landing target, to an autopilot that is to land by itself."""
+        """The landing target, to an autopilot that is to land by itself; a person's key ends that in a hold."""
         if self._setup.engagement.own_landing:
+            override = record.decision.override
+            if override is not None and self._control.lands(self.session.state):
+                self._end(f"the autopilot's own landing is ended, {override.value}; the vehicle holds")
             self.tell(record.observation)
 
     def tell(self, observation: Observation, with_position: bool = False) -> bool:
