@@ -6,13 +6,15 @@ import ast
 import hashlib
 import importlib
 import json
+import os
 import platform
 import signal
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import cache
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Any
 
@@ -166,9 +168,17 @@ def _measure(name: str, case: Case, runs: int) -> list[dict[str, Any]]:
     return [{**case, **row} for row in ([found] if isinstance(found, Mapping) else found)]
 
 
-def _ignore_interrupt() -> None:
-    """Ctrl-C reaches the whole group; the parent alone answers it."""
+def _begin_worker() -> None:
+    """Ctrl-C reaches the whole group and the parent alone answers it; without the parent a worker ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
 
 
 def _rows_kept(path: Path, source: Mapping[str, str], runs: int) -> list[dict[str, Any]]:
@@ -207,7 +217,7 @@ def run(
         return True
     stopped = False
     with (
-        ProcessPoolExecutor(1 if study.alone else workers, get_context("spawn"), _ignore_interrupt) as pool,
+        ProcessPoolExecutor(1 if study.alone else workers, get_context("spawn"), _begin_worker) as pool,
         Progress() as progress,
     ):
         bar = progress.add_task(name, total=len(cases), completed=len(cases) - len(missing))
@@ -251,7 +261,7 @@ def confirm(name: str, study: Study, workers: int = 2) -> str:
     if study.alone or found["runs"] != study.runs or not all(rows_of(found["rows"], case) for case in cases):
         return f"{name}: has to be measured anew"
     sample = [*cases[:-1:10], cases[-1]]
-    with ProcessPoolExecutor(workers, get_context("spawn"), _ignore_interrupt) as pool:
+    with ProcessPoolExecutor(workers, get_context("spawn"), _begin_worker) as pool:
         measured = [pool.submit(_measure, name, case, study.runs) for case in sample]
         try:
             for case, future in zip(sample, measured, strict=True):
