@@ -7,6 +7,8 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterable
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,9 @@ from latex2mathml.converter import convert
 from mkdocs.exceptions import PluginError
 
 from shipland.cli import COMMANDS
-from shipland.report.configuration import page_tables
+from shipland.config import plain, toml_value
+from shipland.report.configuration import Setting, settings_of
+from shipland.scenario.scenario import Scenario
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -63,6 +67,52 @@ def _shown(path: Path, how: str) -> str:
     if how == "tables":
         return f"`{path.relative_to(ROOT)}`:\n\n{page_tables(path.name)}"
     return f"```{path.suffix[1:]}\n{path.read_text(encoding='utf-8')}```"
+
+
+def page_tables(module: str) -> str:
+    """Markdown of the sections that a module's file name stands for: see `markdown_tables`."""
+    from shipland.learning.evaluate import EvaluateParameters
+    from shipland.learning.settings import PROFILES
+    from shipland.learning.shots import SynthParameters
+    from shipland.report.outputs import OutputParameters
+    from shipland.vehicles.anafi.parameters import AnafiParameters
+    from shipland.vehicles.camera_stream import StreamParameters
+    from shipland.vehicles.checks import PreflightParameters
+    from shipland.vehicles.mavlink.parameters import MavlinkParameters
+    from shipland.vehicles.ros2.parameters import Ros2Parameters
+    from shipland.vehicles.touchdown import TouchdownParameters
+
+    training = {f"train.{name}": profile for name, profile in PROFILES.items()}
+    pages: dict[str, dict[str, Any]] = {
+        "scenario.py": {"": Scenario(name="near")},
+        "outputs.py": {"": OutputParameters()},
+        "settings.py": {**training, "synth": SynthParameters(), "evaluate": EvaluateParameters()},
+        "address.py": {
+            "mavlink": MavlinkParameters(),
+            "ros2": Ros2Parameters(),
+            "anafi": AnafiParameters(),
+            "touchdown": TouchdownParameters(),
+            "camera": StreamParameters(),
+            "preflight": PreflightParameters(),
+        },
+    }
+    inside = [settings_of(type(it), plain(it), section) for section, it in pages[module].items()]
+    return markdown_tables(setting for settings in inside for setting in settings)
+
+
+def markdown_tables(settings: Iterable[Setting]) -> str:
+    """Markdown: for each section a heading and a table of key, default, unit, bounds, meaning and source."""
+    lines: list[str] = []
+    for section, inside in groupby(settings, key=lambda setting: setting.section):
+        first, *others = inside
+        lines += ["", f"### `[{section}]`" if section else "### Above all sections", ""]
+        lines += [first.about, ""] if first.about and section else []
+        lines += ["| key | default | unit | bounds | meaning | source |", "|---|---|---|---|---|---|"]
+        for setting in (first, *others):
+            value = "" if setting.value is None else f"`{toml_value(setting.value)}`"
+            cells = (value, setting.unit, setting.bounds, setting.meaning, setting.source)
+            lines.append(f"| `{setting.name}` | " + " | ".join(cell.replace("|", "&#124;") for cell in cells) + " |")
+    return "\n".join(lines)
 
 
 def _inside(match: re.Match[str], folder: Path) -> str:

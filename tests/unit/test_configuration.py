@@ -1,14 +1,13 @@
 """The configuration in words: complete, in the right words, and TOML that gives the same scenario again."""
 
-import re
 import tomllib
 
 import pytest
 
 from shipland.commands.config import Config
-from shipland.config import key, packaged_names, parameters, plain
+from shipland.config import packaged_names
 from shipland.errors import ConfigError
-from shipland.report.configuration import as_toml, markdown_tables, page_tables, scenario_settings, settings_of
+from shipland.report.configuration import as_toml, scenario_settings
 from shipland.scenario.scenario import load_scenario
 
 
@@ -66,50 +65,3 @@ def test_the_command_prints_a_part_or_what_is_changed(capsys):
     assert changed["wind"]["mean_mps"] == 5.0 and "from_deg" not in changed["wind"]
     with pytest.raises(ConfigError, match=r"no key begins with 'widn'; did you mean 'wind\.gust'"):
         Config(key="widn").run()
-
-
-@parameters
-class Inner:
-    """`[outer.inner]`: lengths.
-
-    Two of them.
-    """
-
-    list_m: tuple[int, ...] = key((1, 2), "two lengths")
-
-
-@parameters
-class Outer:
-    inner: Inner = key(Inner(), source="[Lee2022]")
-    name: str = key("a # b", source="chosen: a | b")
-    ratio: float = key(0.5, "of both", ge=0, le=1)
-
-
-def test_tables_by_hand():
-    assert markdown_tables(settings_of(Outer, plain(Outer()), "rig")).splitlines() == [
-        "",
-        "### `[rig]`",
-        "",
-        "| key | default | unit | bounds | meaning | source |",
-        "|---|---|---|---|---|---|",
-        '| `name` | `"a # b"` |  |  |  | chosen: a &#124; b |',
-        "| `ratio` | `0.5` |  | 0 to 1 | of both | chosen |",
-        "",
-        "### `[rig.inner]`",
-        "",
-        "lengths.  Two of them.",
-        "",
-        "| key | default | unit | bounds | meaning | source |",
-        "|---|---|---|---|---|---|",
-        "| `list_m` | `[1, 2]` | m |  | two lengths | [Lee2022] |",
-    ]
-
-
-@pytest.mark.parametrize("name", ["scenario.py", "outputs.py", "settings.py", "address.py"])
-def test_the_page_knows_the_meaning_of_every_key(name):
-    rows = [line for line in page_tables(name).splitlines() if line.startswith("| `")]
-    without = [row for row in rows if not row.split(" | ")[4].strip()]
-    # The gains of the paper's far laws have the letters of its equations; their class names these.
-    assert not [
-        row for row in without if not re.match(r"\| `(far_control|far_variant|m|a|setpoint|d|k_p|t_i_s|t_d_s)`", row)
-    ]

@@ -10,8 +10,9 @@ import pytest
 from studies import ORDER
 
 from shipland.cli import COMMANDS
+from shipland.config import key, parameters, plain
 from shipland.evaluation.landing import COLUMNS
-from shipland.report.configuration import scenario_settings
+from shipland.report.configuration import scenario_settings, settings_of
 
 ROOT = Path(__file__).parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -112,6 +113,55 @@ def test_the_configuration_page_shows_every_key():
     shown = re.findall(r"^\| `(\w+)` \|", tables, flags=re.MULTILINE)
     assert {setting.name for setting in scenario_settings("near")} <= set(shown)
     assert {"image_rate_hz", "anchors", "haze_m", "ship_bin_m", "setpoint_hz", "picture_hz", "touch_mps"} <= set(shown)
+
+
+@parameters
+class Inner:
+    """`[outer.inner]`: lengths.
+
+    Two of them.
+    """
+
+    list_m: tuple[int, ...] = key((1, 2), "two lengths")
+
+
+@parameters
+class Outer:
+    inner: Inner = key(Inner(), source="[Lee2022]")
+    name: str = key("a # b", source="chosen: a | b")
+    ratio: float = key(0.5, "of both", ge=0, le=1)
+
+
+def test_tables_by_hand():
+    hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
+    assert hooks.markdown_tables(settings_of(Outer, plain(Outer()), "rig")).splitlines() == [
+        "",
+        "### `[rig]`",
+        "",
+        "| key | default | unit | bounds | meaning | source |",
+        "|---|---|---|---|---|---|",
+        '| `name` | `"a # b"` |  |  |  | chosen: a &#124; b |',
+        "| `ratio` | `0.5` |  | 0 to 1 | of both | chosen |",
+        "",
+        "### `[rig.inner]`",
+        "",
+        "lengths.  Two of them.",
+        "",
+        "| key | default | unit | bounds | meaning | source |",
+        "|---|---|---|---|---|---|",
+        "| `list_m` | `[1, 2]` | m |  | two lengths | [Lee2022] |",
+    ]
+
+
+@pytest.mark.parametrize("name", ["scenario.py", "outputs.py", "settings.py", "address.py"])
+def test_the_page_knows_the_meaning_of_every_key(name):
+    page = load(ROOT / "tools" / "mkdocs_hooks.py").page_tables(name)
+    rows = [line for line in page.splitlines() if line.startswith("| `")]
+    without = [row for row in rows if not row.split(" | ")[4].strip()]
+    # The gains of the paper's far laws have the letters of its equations; their class names these.
+    assert not [
+        row for row in without if not re.match(r"\| `(far_control|far_variant|m|a|setpoint|d|k_p|t_i_s|t_d_s)`", row)
+    ]
 
 
 def test_every_command_has_its_help(monkeypatch):

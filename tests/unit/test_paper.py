@@ -10,17 +10,17 @@ from pictures import Look, bar_picture, camera_from_bar, project_plane
 from shipland.camera import Camera
 from shipland.frames import CAMERA_FROM_MOUNT
 from shipland.messages import BarPose, Frame, GimbalAttitude, Observation
-from shipland.reproduce.courses import courses
 from shipland.reproduce.detections import detections
 from shipland.reproduce.far import (
     HAND_OVER_M,
     STEP_DEG,
-    ApproachCase,
     StepCase,
+    approach,
     approach_figures,
     fly_approach,
     step_figures,
 )
+from shipland.reproduce.landings import courses, touchdowns
 from shipland.reproduce.near import FALSE_AT_S, FALSE_M, NearTrace, Spoiled, fly_hover, near_figures
 from shipland.reproduce.near_chain import chain_steps, plot_near_chain
 from shipland.reproduce.paper import run_paper
@@ -33,7 +33,6 @@ from shipland.reproduce.ranges import (
     fly_far,
     ship_points_in_ship_m,
 )
-from shipland.reproduce.touchdowns import touchdowns
 from shipland.rig import Rig
 from shipland.scenario.scenario import load_scenario, scenario_table
 from shipland.vision.parameters import VisionParameters
@@ -208,7 +207,7 @@ def test_the_published_chain_step_by_step(rng, tmp_path):
 
 
 def test_touchdowns_are_flown_and_drawn_with_the_deck_s_moving_coordinates(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("shipland.reproduce.touchdowns.MOTIONS", {"rig-natops": "NATOPS limits"})
+    monkeypatch.setattr("shipland.reproduce.landings.MOTIONS", {"rig-natops": "NATOPS limits"})
     text = touchdowns(tmp_path / "touchdowns.png", load_scenario("near"), runs=1)
     assert "NATOPS limits: flight 1 of 1\n" in capsys.readouterr().err
     assert text.splitlines()[-1].startswith("| NATOPS limits | 1 | 1 |")
@@ -220,7 +219,7 @@ def test_the_closed_loop_pictures_can_be_drawn(tmp_path):
     trace = fly_far(SHORT)
     controls = ("P", "PID", "exponential, saturating", "exponential, growing", "exponential, printed")
     plot_far_steps(tmp_path / "steps.png", {StepCase("here").name: dict.fromkeys(controls, trace)})
-    case = ApproachCase(100.0, STEP_DEG, 5.0)
+    case = approach(100.0, STEP_DEG, 5.0)
     plot_readings(tmp_path / "readings.png", {case: {"saturating": trace, "growing": trace}}, 2.09)
     t_s = np.arange(0.0, 14.0, 0.03)
     hover = NearTrace(t_s, np.cos(t_s), np.cos(t_s), np.sin(t_s), np.sin(t_s))
@@ -231,7 +230,7 @@ def test_the_closed_loop_pictures_can_be_drawn(tmp_path):
 @pytest.mark.parametrize("variant", ["saturating", "growing"])
 def test_an_approach_ends_over_the_ship(variant, monkeypatch):
     monkeypatch.setattr("shipland.reproduce.far.fly_far", lambda case: case)
-    case = fly_approach(ApproachCase(250.0, 15.0, 5.0), variant)
+    case = fly_approach(approach(250.0, 15.0, 5.0), variant)
     assert (case.distance_m, case.offset_deg, case.wind_mps, case.variant) == (250.0, 15.0, 5.0, variant)
     assert case.approach
     assert case.duration_s == 185.0
@@ -244,9 +243,9 @@ def test_without_the_slew_bound_the_peak_is_sent_whole():
 
 
 def test_courses_are_flown_and_drawn(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("shipland.reproduce.courses.COURSES", {"turn90": "90° turn"})
-    monkeypatch.setattr("shipland.reproduce.courses.SPEEDS_MPS", (2.5,))
-    monkeypatch.setattr("shipland.reproduce.courses.FROM", ("start.distance_m=12", "start.distance_half_range_m=0"))
+    monkeypatch.setattr("shipland.reproduce.landings.COURSES", {"turn90": "90° turn"})
+    monkeypatch.setattr("shipland.reproduce.landings.SPEEDS_MPS", (2.5,))
+    monkeypatch.setattr("shipland.reproduce.landings.FROM", ("start.distance_m=12", "start.distance_half_range_m=0"))
     text = courses(tmp_path / "courses.png", load_scenario("near"))
     assert "90° turn, 2.5 m/s\n" in capsys.readouterr().err
     assert text.splitlines()[-1].startswith("| 90° turn | 1 | 1 |")

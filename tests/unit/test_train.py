@@ -365,7 +365,7 @@ def test_a_detectors_file_is_a_start(squares, tmp_path):
     assert parameters.freeze_norm
     run = training._start(wanted, parameters, dataset)
     picture = np.random.default_rng(4).integers(0, 256, (64, 64, 3), dtype=np.uint8)
-    ours = running.TorchEngine(run.average, run.spec, run.device, bf16=False).maps(picture)
+    ours = run.maps_of([picture], bf16=False)[0]
     for mine, theirs in zip(ours, load_reader(file, "onnxruntime", "fp32", 1).network.run(picture), strict=True):
         np.testing.assert_allclose(mine, theirs, atol=2e-3 * np.abs(theirs).max())
     before = [norm.running_mean.clone() for norm in run.network.modules() if isinstance(norm, torch.nn.BatchNorm2d)]

@@ -26,12 +26,7 @@ def training_window(
 ) -> tuple[Picture, Targets]:
     """One window (side_px, side_px, 3) and its targets [px].
 
-    Args:
-        draw: draws a labelled picture.
-        side_px: of the window.
-        parameters: how.
-        rng: of everything.
-        hard: a picture, its targets and a place (column, row) that the window is laid over, instead of a drawn one.
+    `hard` is a picture, its targets and a place (column, row) [px] that the window is laid over; else one is drawn.
     """
     if hard is not None:
         picture, targets = window(*hard[:2], (side_px, side_px), parameters, rng, hard[2])

@@ -114,10 +114,6 @@ class Evaluation:
 def evaluate(arguments: EvaluateArguments, drawn: ShipAndCamera | None = None) -> Evaluation:
     """Measure; leaves `evaluation.json`, `table.md`, with ranges `recall.png`, and for fresh scenes `scenes.jsonl`.
 
-    Args:
-        arguments: what is measured.
-        drawn: the ship of fresh scenes, and the camera that sees it; the packaged ones by default.
-
     Raises:
         DataError: the set or the weights cannot be used, or the folder holds another run.
         ConfigError: a setting is wrong.
@@ -288,16 +284,7 @@ def look_at_scenes(
     settings: DetectorParameters,
     detector: Detector | None,
 ) -> list[SceneRecord]:
-    """Draw and look at fresh scenes of one block of light, air and sea; one record each.
-
-    Args:
-        numbers: of the scenes.
-        arguments: what is measured.
-        synth: how scenes are drawn.
-        drawn: the ship, and the camera that sees it.
-        settings: of the detector.
-        detector: the detector; None where this process has to load it.
-    """
+    """Draw and look at fresh scenes of one block of light, air and sea; without a detector this process loads it."""
     rig, camera = drawn.rig, Camera.from_parameters(drawn.camera)
     if detector is None:
         detector = _detector(arguments, settings)

@@ -195,14 +195,8 @@ def write_int8(
 ) -> None:
     """Write the network with 8-bit weights and activations, whole or not at all, with its digest.
 
-    Args:
-        path: file to write.
-        layers: the network.
-        weights: its numbers.
-        spec: how its maps are decoded.
-        calibration: gives real pictures (h,w,3) BGR, sides multiples of 32, that the activations' ranges are
-            taken from; a few hundred, of the kind the detector will see.
-        rgb: the network was trained on RGB.
+    `calibration` gives real pictures (h,w,3) BGR, sides multiples of 32, that the activations' ranges are taken from; a
+    few hundred, of the kind the detector will see.
 
     Raises:
         SystemLibraryError: onnx is not installed.

@@ -146,14 +146,7 @@ def hits(box: Sequence[float], target: BoxRow | None, min_iou: float) -> bool:
 def range_table(
     records: Sequence[SceneRecord], edges_m: Sequence[float], confidence: float, min_iou: float
 ) -> RangeTable:
-    """Count.
-
-    Args:
-        records: of single scenes, in any order.
-        edges_m: of the bins, rising.
-        confidence: least confidence of a single frame's box.
-        min_iou: overlap from which a box is a hit.
-    """
+    """The bins between rising edges: a single frame's box counts from `confidence` on, as a hit from `min_iou` on."""
     tally = Tally(min_iou)
     for record in records:
         record.count(tally)

@@ -58,22 +58,10 @@ class Run:
         }
         save_checkpoint(path, tensors, self.spec, self.progress)
 
-
-class TorchEngine:
-    """A torch network behind the run-time interface, so that validation decodes as flight does."""
-
-    def __init__(self, network: Network, spec: DetectorSpec, device: torch.device, bf16: bool) -> None:
-        self.network, self.spec, self.device, self.bf16 = network, spec, device, bf16
-        self.description = f"torch {device}"
-
-    def maps(self, picture: Picture) -> list[Float32]:
-        """Raw maps of one picture, finest scale first."""
-        return self.maps_of([picture])[0]
-
-    def maps_of(self, pictures: list[Picture]) -> list[list[Float32]]:
-        """Raw maps of several pictures of one size."""
-        with torch.no_grad(), autocast(self.device, self.bf16):
-            maps = [item.float().cpu().numpy() for item in self.network(to_batch(pictures, self.device))]
+    def maps_of(self, pictures: list[Picture], bf16: bool) -> list[list[Float32]]:
+        """Raw maps, finest scale first, that the average makes of pictures of one size."""
+        with torch.no_grad(), autocast(self.device, bf16):
+            maps = [item.float().cpu().numpy() for item in self.average(to_batch(pictures, self.device))]
         return [[item[index] for item in maps] for index in range(len(pictures))]
 
 
@@ -105,14 +93,7 @@ def steps(
 ) -> Iterator[str]:
     """Train to the end, until the time is up, or until patience runs out; yields a note after every step.
 
-    Args:
-        run: state.
-        parameters: settings.
-        windows: of the pictures to train on.
-        sets: the pictures to train on, and those held out.
-        out: folder of the checkpoints.
-        seed: of every draw, with the step's number.
-        minutes: time for all steps together; None for as long as it takes.
+    `sets` are the pictures to train on and those held out; every draw is of `seed` and the step's number.
     """
     fitting, held_out = sets
     recent: Floats | None = None
@@ -178,15 +159,14 @@ def step(run: Run, parameters: TrainParameters, pictures: Tensor, targets: Tenso
 
 
 def look(
-    engine: TorchEngine, pictures: Iterable[tuple[Picture, Targets]], confidence: float
+    run: Run, parameters: TrainParameters, pictures: Iterable[tuple[Picture, Targets]]
 ) -> Iterator[tuple[Float32, Float32, Targets]]:
     """Boxes (n,4), their confidences (n,) and the targets of pictures, in order; those of one size go in batches."""
 
     def flush() -> Iterator[tuple[Float32, Float32, Targets]]:
-        for maps, targets in zip(
-            engine.maps_of([padded(item) for item, _ in waiting]), [t for _, t in waiting], strict=True
-        ):
-            boxes, scores, _ = suppress(*decode(maps, engine.spec, confidence), MAX_IOU, merge=True)
+        found = run.maps_of([padded(picture) for picture, _ in waiting], parameters.bf16)
+        for maps, (_, targets) in zip(found, waiting, strict=True):
+            boxes, scores, _ = suppress(*decode(maps, run.spec, LEAST_CONFIDENCE), MAX_IOU, merge=True)
             yield boxes, scores, targets
 
     waiting: list[tuple[Picture, Targets]] = []
@@ -205,11 +185,10 @@ def mine(
     run: Run, parameters: TrainParameters, windows: Windows, count: int, rng: np.random.Generator
 ) -> list[HardPoint]:
     """Places that fool the detector most: sure boxes where there is nothing, and targets that it misses."""
-    engine = TorchEngine(run.average, run.spec, run.device, parameters.bf16)
     # In the set's order: pictures of one size lie together.
     chosen = np.sort(rng.choice(count, size=min(parameters.mine_pictures, count), replace=False)).tolist()
     found: list[tuple[float, HardPoint]] = []
-    looked = look(engine, (_whole(windows.load(index), parameters) for index in chosen), LEAST_CONFIDENCE)
+    looked = look(run, parameters, (_whole(windows.load(index), parameters) for index in chosen))
     for index, (boxes, scores, targets) in zip(chosen, looked, strict=True):
         tally = Tally(parameters.match_iou)
         verdict = tally.add(boxes, scores, targets)
@@ -232,20 +211,18 @@ def _whole(loaded: tuple[Picture, Targets], parameters: TrainParameters) -> tupl
     return window(*loaded, side, plain, np.random.default_rng(0))
 
 
-def validate(engine: TorchEngine, parameters: TrainParameters, held_out: Dataset) -> Tally:
+def validate(run: Run, parameters: TrainParameters, held_out: Dataset) -> Tally:
     """Tally over held-out pictures at their own size (or fitted to the window, as in training)."""
     tally = Tally(parameters.match_iou)
     samples = held_out.samples[:: -(-len(held_out.samples) // parameters.validation_pictures)]
-    for boxes, scores, targets in look(
-        engine, (_whole(sample.load(), parameters) for sample in samples), LEAST_CONFIDENCE
-    ):
+    for boxes, scores, targets in look(run, parameters, (_whole(sample.load(), parameters) for sample in samples)):
         tally.add(boxes, scores, targets)
     return tally
 
 
 def _evaluate(run: Run, parameters: TrainParameters, held_out: Dataset, recent: Floats, done: float, out: Path) -> bool:
     """Validate and save; whether this is the best so far."""
-    tally = validate(TorchEngine(run.average, run.spec, run.device, parameters.bf16), parameters, held_out)
+    tally = validate(run, parameters, held_out)
     score = tally.average_precision()
     progress = run.progress
     progress.history.append(

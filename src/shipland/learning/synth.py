@@ -59,15 +59,7 @@ def synth_parameters(config: Path | None) -> SynthParameters:
 
 
 def synth(arguments: SynthArguments, drawn: ShipAndCamera | None = None) -> Path:
-    """Make the set; the folder's path.
-
-    Args:
-        arguments: what is made.
-        drawn: the ship, and the camera that sees it; the packaged ones by default.
-
-    Raises:
-        DataError: the folder holds another set.
-    """
+    """Make the set, of the packaged ship unless another is given; its folder. DataError where it holds another set."""
     drawn = ShipAndCamera.packaged() if drawn is None else drawn
     parameters = synth_parameters(arguments.config)
     count = DEFAULT_COUNTS[arguments.kind] if arguments.count is None else arguments.count

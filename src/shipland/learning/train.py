@@ -57,8 +57,6 @@ def train(arguments: TrainArguments) -> Trained:
     """
     if arguments.weights is not None and not arguments.weights.is_file():
         arguments = replace(arguments, weights=weights_path(str(arguments.weights), "fp32"))
-    if arguments.minutes is not None and arguments.minutes <= 0.0:
-        raise DataError(f"minutes must be positive, got {arguments.minutes:g}")
     parameters = _parameters(arguments)
     torch.set_num_threads(max(1, arguments.threads))
     dataset = _datasets(arguments)

@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from shipland.learning.augment import HARD_JITTER, Loader, training_window
+from shipland.learning.augment import HARD_JITTER, training_window
 from shipland.learning.dataset import IGNORED, Dataset, Targets
 from shipland.learning.settings import AugmentParameters, TrainParameters
 from shipland.vision.pictures import Picture
@@ -61,21 +61,19 @@ class DiskWindows:
         """See `Windows.draw`."""
         pictures, rows = [], []
         for number in range(self.parameters.batch):
-            chosen: HardPoint | None = None
+            over = None
             if hard and rng.random() < self.parameters.hard_fraction:
-                chosen = hard[int(rng.integers(len(hard)))]
+                index, column_px, row_px = hard[int(rng.integers(len(hard)))]
+                over = *self.load(index), (column_px, row_px)
             side = self.parameters.window_px
-            picture, targets = training_window(self._loader(), side, self.parameters.augment, rng, self._hard(chosen))
+            picture, targets = training_window(self._drawn, side, self.parameters.augment, rng, over)
             pictures.append(picture)
             rows.append(np.column_stack([np.full(len(targets), number, np.float32), targets]))
         found = np.concatenate(rows).astype(np.float32)
         return to_batch(pictures, self.device), torch.from_numpy(found).to(self.device)
 
-    def _loader(self) -> Loader:
-        return lambda rng: self.load(int(rng.integers(len(self.dataset.samples))))
-
-    def _hard(self, point: HardPoint | None) -> tuple[Picture, Targets, tuple[float, float]] | None:
-        return None if point is None else (*self.load(point[0]), (point[1], point[2]))
+    def _drawn(self, rng: np.random.Generator) -> tuple[Picture, Targets]:
+        return self.load(int(rng.integers(len(self.dataset.samples))))
 
 
 class ResidentWindows:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from shipland.camera import Camera
 from shipland.frames import wrap_angle
-from shipland.messages import Box, GimbalAttitude, Observation, PilotCommand, Telemetry
+from shipland.messages import Box, Observation, PilotCommand, Telemetry
 
 Arrays = dict[str, npt.NDArray[np.float32]]
 
@@ -94,12 +94,12 @@ class Observer:
         if observation.ship_box is not None:
             newest["ship_box"] = observation.t_s, self._box(observation.ship_box)
         newest["picture"] = observation.t_s, []
-        newest["gimbal"] = observation.t_s, _angles(observation.gimbal)
+        gimbal = observation.gimbal
+        newest["gimbal"] = observation.t_s, list(map(wrap_angle, (gimbal.roll_rad, gimbal.pitch_rad, gimbal.yaw_rad)))
         self._take_telemetry(telemetry)
         newest["flying"] = now_s, [float(telemetry.flying)]
         if sent is not None:
-            sticks = (sent.pitch_percent, sent.roll_percent, sent.heave_percent, sent.yaw_percent)
-            newest["sent"] = sent.t_s, [0.01 * percent for percent in sticks]
+            newest["sent"] = sent.t_s, [0.01 * percent for percent in sent.sticks_percent]
         return {name: self._entry(name, now_s) for name in BOUNDS}
 
     def _take_telemetry(self, telemetry: Telemetry) -> None:
@@ -129,7 +129,3 @@ class Observer:
         centre = np.array(box.centre_px) / self._half_px - 1.0
         size = np.array(box.size_px) / (2.0 * self._half_px)
         return [*centre.tolist(), *size.tolist(), box.confidence]
-
-
-def _angles(gimbal: GimbalAttitude) -> list[float]:
-    return [wrap_angle(gimbal.roll_rad), wrap_angle(gimbal.pitch_rad), wrap_angle(gimbal.yaw_rad)]

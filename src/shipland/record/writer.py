@@ -8,6 +8,7 @@ Each second of flight what was written goes to the disk: a process that is kille
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 
@@ -39,11 +40,7 @@ class Sink:
 
     def write(self, data: bytes | bytearray) -> int:
         """Write; the length of `data`, whatever happens."""
-        if not self._error:
-            try:
-                self._file.write(data)
-            except OSError as error:
-                self._fail(error)
+        self._try(lambda: self._file.write(data))
         self._at += len(data)
         self._end = max(self._end, self._at)
         return len(data)
@@ -51,20 +48,12 @@ class Sink:
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
         """Move; the new position, after an error the one that there would be without it."""
         self._at = offset + {os.SEEK_SET: 0, os.SEEK_CUR: self._at, os.SEEK_END: self._end}[whence]
-        if not self._error:
-            try:
-                self._file.seek(self._at)
-            except OSError as error:
-                self._fail(error)
+        self._try(lambda: self._file.seek(self._at))
         return self._at
 
     def flush(self) -> None:
         """Pass on what is buffered."""
-        if not self._error:
-            try:
-                self._file.flush()
-            except OSError as error:
-                self._fail(error)
+        self._try(self._file.flush)
 
     def check(self) -> None:
         """Raises DataError when something could not be written."""
@@ -73,15 +62,17 @@ class Sink:
 
     def close(self) -> None:
         """Close the file; a file of which nothing could be written is removed."""
-        try:
-            self._file.close()
-        except OSError as error:
-            self._fail(error)
+        self._try(self._file.close, again=True)
         if self._error and self._path.is_file() and self._path.stat().st_size == 0:
             self._path.unlink()
 
-    def _fail(self, error: OSError) -> None:
-        self._error = self._error or error.strerror or str(error)
+    def _try(self, act: Callable[[], object], *, again: bool = False) -> None:
+        """Do it and keep the first error; nothing after an error, unless `again`."""
+        if not self._error or again:
+            try:
+                act()
+            except OSError as error:
+                self._error = self._error or error.strerror or str(error)
 
 
 _FLUSH_S = 1.0

@@ -43,15 +43,13 @@ def write_campaign(folder: Path, cell: Cell, landings: Sequence[Landing]) -> Non
     parameters = OutputParameters().plots
     plot_touchdowns(folder / "landings.png", touchdowns, scenario.rig, title, parameters)
     if scenario.ship.same_motion:
-        instants_s = np.array([landing.instant_s if landing.touched else np.nan for landing in landings])
-        trace = deck_trace(scenario, max(landing.instant_s for landing in landings) + 5.0)
-        plot_instants(folder / "instants.png", trace, replace(touchdowns, t_s=instants_s), title, parameters)
+        plot_instants(folder / "instants.png", deck_trace(scenario, landings), touchdowns, title, parameters)
 
 
-def deck_trace(scenario: Scenario, length_s: float) -> DeckTrace:
-    """The one motion that every flight meets with `ship.same_motion`."""
+def deck_trace(scenario: Scenario, landings: Sequence[Landing]) -> DeckTrace:
+    """The one motion that every flight meets with `ship.same_motion`, to five seconds after the last landing."""
     parameters = replace(scenario.ship, instant_range_s=0.0)
     ship = build_ship(parameters, scenario.rig, np.random.default_rng(0))
-    t_s = np.arange(0.0, length_s, 0.05)
+    t_s = np.arange(0.0, max(landing.instant_s for landing in landings) + 5.0, 0.05)
     motion = np.array([ship.at(float(t)).deck.displacement for t in t_s])
     return DeckTrace(t_s, motion)

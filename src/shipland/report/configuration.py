@@ -12,7 +12,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from shipland.config import bounds_of, defaults, fields_of, merge, plain, stated, toml_value
+from shipland.config import bounds_of, defaults, fields_of, merge, stated, toml_value
 from shipland.descriptions import unit_of
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_layers
 
@@ -126,49 +126,3 @@ def _remark(setting: Setting) -> str:
     default = f"; default {packaged}" if setting.differs else ""
     source = f": {setting.source}" if setting.source else ""
     return f"{meaning}{unit}{bounds}{default} ({setting.file}{source})"
-
-
-def page_tables(module: str) -> str:
-    """Markdown of the sections that a module's file name stands for: see `markdown_tables`."""
-    from shipland.learning.evaluate import EvaluateParameters
-    from shipland.learning.settings import PROFILES
-    from shipland.learning.shots import SynthParameters
-    from shipland.report.outputs import OutputParameters
-    from shipland.vehicles.anafi.parameters import AnafiParameters
-    from shipland.vehicles.camera_stream import StreamParameters
-    from shipland.vehicles.checks import PreflightParameters
-    from shipland.vehicles.mavlink.parameters import MavlinkParameters
-    from shipland.vehicles.ros2.parameters import Ros2Parameters
-    from shipland.vehicles.touchdown import TouchdownParameters
-
-    training = {f"train.{name}": profile for name, profile in PROFILES.items()}
-    pages: dict[str, dict[str, Any]] = {
-        "scenario.py": {"": Scenario(name="near")},
-        "outputs.py": {"": OutputParameters()},
-        "settings.py": {**training, "synth": SynthParameters(), "evaluate": EvaluateParameters()},
-        "address.py": {
-            "mavlink": MavlinkParameters(),
-            "ros2": Ros2Parameters(),
-            "anafi": AnafiParameters(),
-            "touchdown": TouchdownParameters(),
-            "camera": StreamParameters(),
-            "preflight": PreflightParameters(),
-        },
-    }
-    inside = [settings_of(type(it), plain(it), section) for section, it in pages[module].items()]
-    return markdown_tables(setting for settings in inside for setting in settings)
-
-
-def markdown_tables(settings: Iterable[Setting]) -> str:
-    """Markdown: for each section a heading and a table of key, default, unit, bounds, meaning and source."""
-    lines: list[str] = []
-    for section, inside in groupby(settings, key=lambda setting: setting.section):
-        first, *others = inside
-        lines += ["", f"### `[{section}]`" if section else "### Above all sections", ""]
-        lines += [first.about, ""] if first.about and section else []
-        lines += ["| key | default | unit | bounds | meaning | source |", "|---|---|---|---|---|---|"]
-        for setting in (first, *others):
-            value = "" if setting.value is None else f"`{toml_value(setting.value)}`"
-            cells = (value, setting.unit, setting.bounds, setting.meaning, setting.source)
-            lines.append(f"| `{setting.name}` | " + " | ".join(cell.replace("|", "&#124;") for cell in cells) + " |")
-    return "\n".join(lines)

@@ -30,7 +30,7 @@ class Touchdowns:
     """Landings of a campaign.
 
     Attributes:
-        t_s: (n,) first contact, on the time axis of the deck's motion.
+        t_s: (n,) first contact, on the time axis of the deck's motion (`Landing.instant_s`).
         place_in_deck_m: (n, 2) forward, starboard; NaN where there was no contact.
         landed: (n,) came to rest on its feet on the deck, in the landing area.
     """
@@ -76,7 +76,7 @@ _STILL = 1e-6
 def touchdowns_of(landings: Sequence[Landing]) -> Touchdowns:
     """Of some landings."""
     return Touchdowns(
-        t_s=np.array([landing.time_s if landing.touched else np.nan for landing in landings]),
+        t_s=np.array([landing.instant_s if landing.touched else np.nan for landing in landings]),
         place_in_deck_m=np.array([[landing.forward_m, landing.starboard_m] for landing in landings]).reshape(-1, 2),
         landed=np.array([landing.success for landing in landings], dtype=bool),
     )

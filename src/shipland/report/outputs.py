@@ -121,13 +121,7 @@ class Recorder(AbstractContextManager["Recorder"]):
     def finish(
         self, verdict: TouchdownVerdict | None, end: str = "", cost_s: Mapping[str, float] | None = None
     ) -> None:
-        """Close log and video and write plots, summary and timing.
-
-        Args:
-            verdict: the touchdown, or None.
-            end: why the loop ended, in words.
-            cost_s: wall-clock time of each stage of the loop [s].
-        """
+        """Close log and video; write plots, summary and timing, with the wall-clock time of each stage `cost_s` [s]."""
         self._finished = True
         if self._aside is not None:
             self._aside.close()

@@ -15,6 +15,7 @@ from shipland.figures import drawn
 from shipland.frames import Pose, rotation_from_euler
 from shipland.messages import Box, GimbalAttitude
 from shipland.report.palette import VERMILION, unit
+from shipland.reproduce.near_chain import still_state
 from shipland.rig import Rig
 from shipland.scenario.scenario import Scenario
 from shipland.sim.scene.scene import Scene
@@ -50,12 +51,9 @@ class Seen:
 
 def state_from(rig: Rig, distance_m: float) -> SceneState:
     """A level camera so far astern of the bar, looking ahead and down at it, and a ship that lies still."""
-    ned_from_ship = Pose(np.eye(3), np.array([0.0, 0.0, -rig.deck_height_m]))
-    ned_from_bar = ned_from_ship @ rig.ship_from_bar
-    rise_m, still = RISE * distance_m, np.zeros(3)
+    rise_m = RISE * distance_m
     looks = rotation_from_euler(0.0, -np.arctan2(rise_m, distance_m), 0.0) @ level_from_camera(GimbalAttitude(0.0, 0.0))
-    ned_from_camera = Pose(looks, ned_from_bar.apply(np.array([-distance_m, 0.0, -rise_m])))
-    return SceneState(0.0, ned_from_camera, ned_from_ship, ned_from_ship, ned_from_bar, ned_from_camera, still, still)
+    return still_state(rig, Pose(looks, np.array([-distance_m, 0.0, -rise_m])))
 
 
 def detections(path: Path, scenario: Scenario) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -161,17 +161,14 @@ def yaw_swing_deg(overlay: dict[str, Any]) -> float:
     return float(np.ptp(trace.heading_deg[trace.t_s > LATE_S]))
 
 
-@dataclass(frozen=True)
-class ApproachCase:
-    """Where an approach begins."""
-
-    distance_m: float
-    offset_deg: float
-    wind_mps: float
+def approach(distance_m: float, offset_deg: float, wind_mps: float) -> FarCase:
+    """All four sticks, on the ship and then the bar, on the ship's course, from 10 m above the deck."""
+    duration_s = 60.0 + 0.5 * distance_m
+    return FarCase(distance_m, offset_deg, 10.0, wind_mps, "exponential", "saturating", 0.0, True, duration_s)
 
 
 APPROACHES = tuple(
-    ApproachCase(distance_m, offset_deg, wind_mps)
+    approach(distance_m, offset_deg, wind_mps)
     for distance_m in (60.0, 120.0, 250.0)
     for offset_deg in (2.0, 5.0, 15.0, 30.0)
     for wind_mps in (0.0, 5.0)
@@ -205,13 +202,9 @@ class ApproachFigures:
     lost: bool
 
 
-def fly_approach(case: ApproachCase, variant: FarVariant) -> FarTrace:
-    """All four sticks, on the ship and then the bar, on the ship's course, from 10 m above the deck."""
-    duration_s = 60.0 + 0.5 * case.distance_m
-    flight = FarCase(
-        case.distance_m, case.offset_deg, 10.0, case.wind_mps, "exponential", variant, 0.0, True, duration_s
-    )
-    return fly_far(flight)
+def fly_approach(case: FarCase, variant: FarVariant) -> FarTrace:
+    """An `approach` in one reading of the law."""
+    return fly_far(replace(case, variant=variant))
 
 
 def approach_figures(trace: FarTrace, bar_setpoint_px2: float, bar_ahead_m: float) -> ApproachFigures:

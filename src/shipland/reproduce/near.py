@@ -93,11 +93,8 @@ class Tapped:
 def fly_hover(near: dict[str, Any], noise_m: float, false_m: float, slew: bool = True) -> NearTrace:
     """From 1.5 m astern and 0.5 m to starboard to the place above the deck, and stay there: it never lands.
 
-    Args:
-        near: laid over `[guidance.near]`.
-        noise_m: added to the vision's own, each coordinate.
-        false_m: the false estimate.
-        slew: whether the safety's slew bound stands after the law.
+    `near` is laid over `[guidance.near]`, noise is added to the vision's own in each coordinate; without `slew` the
+    safety's bound does not stand after the law.
     """
     overlay: dict[str, Any] = {
         "ship": {"motion": "still"},

@@ -79,6 +79,14 @@ def chain_steps(picture: Image, camera: Camera, parameters: VisionParameters) ->
     return ChainSteps(picture, gated, opened, closed, regions, flooded, reach_px, rectangles_px, corners_px)
 
 
+def still_state(rig: Rig, bar_from_camera: Pose) -> SceneState:
+    """A camera that stands before a ship that lies still."""
+    ned_from_ship = Pose(np.eye(3), np.array([0.0, 0.0, -rig.deck_height_m]))
+    ned_from_bar, still = ned_from_ship @ rig.ship_from_bar, np.zeros(3)
+    ned_from_camera = ned_from_bar @ bar_from_camera
+    return SceneState(0.0, ned_from_camera, ned_from_ship, ned_from_ship, ned_from_bar, ned_from_camera, still, still)
+
+
 def dim_picture(rig: Rig, camera: Camera) -> Image:
     """The bar in dim light by a noisy sensor.
 
@@ -88,11 +96,7 @@ def dim_picture(rig: Rig, camera: Camera) -> Image:
     off_rad = np.radians(OFF_AXIS_DEG)
     rotation = rotation_from_euler(0.0, 0.0, off_rad) @ level_from_camera(GimbalAttitude(0.0, 0.0))
     place_in_bar_m = np.array([-RANGE_M * np.cos(off_rad), -RANGE_M * np.sin(off_rad), 0.05])
-    ned_from_ship = Pose(np.eye(3), np.array([0.0, 0.0, -rig.deck_height_m]))
-    ned_from_bar = ned_from_ship @ rig.ship_from_bar
-    ned_from_camera = ned_from_bar @ Pose(rotation, place_in_bar_m)
-    still = np.zeros(3)
-    state = SceneState(0.0, ned_from_camera, ned_from_ship, ned_from_ship, ned_from_bar, ned_from_camera, still, still)
+    state = still_state(rig, Pose(rotation, place_in_bar_m))
     rng = np.random.default_rng(3)
     scene = Scene(rig, SceneParameters(exposure_ev=EXPOSURE_EV), rng)
     clean = scene.render(state, camera)

@@ -15,44 +15,16 @@ import numpy as np
 from shipland.extras import require
 from shipland.guidance.laws import derivative_gain, exponential_law
 from shipland.guidance.parameters import FarVariant
-from shipland.reproduce.courses import courses
+from shipland.reproduce import far, plots
 from shipland.reproduce.detections import detections
-from shipland.reproduce.far import (
-    APPROACHES,
-    AXIS_M,
-    CONTROLS,
-    HAND_OVER_M,
-    LATE_S,
-    READINGS,
-    RUN_IN_M,
-    SETTLED_SHARE,
-    STEP_CASES,
-    STEP_S,
-    YAW_CASES,
-    ApproachCase,
-    ApproachFigures,
-    approach_figures,
-    fly_approach,
-    fly_step,
-    step_figures,
-    ultimate,
-    yaw_swing_deg,
-)
 from shipland.reproduce.flight_figures import figures_of_flights
 from shipland.reproduce.geometry import distance_size, yolo_grid
+from shipland.reproduce.landings import PUBLISHED_RUNS, courses, touchdowns
 from shipland.reproduce.names import FigureName
 from shipland.reproduce.near import CONTROLS as DERIVATIVES
 from shipland.reproduce.near import FALSE_AT_S, FALSE_M, NOISE_M, fly_hover, near_figures
 from shipland.reproduce.near_chain import near_chain
-from shipland.reproduce.plots import (
-    plot_derivative_gain,
-    plot_far_steps,
-    plot_near,
-    plot_readings,
-    plot_roll_law,
-)
-from shipland.reproduce.ranges import FarTrace
-from shipland.reproduce.touchdowns import PUBLISHED_RUNS, touchdowns
+from shipland.reproduce.ranges import FarCase, FarTrace
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
 
 
@@ -61,12 +33,8 @@ def run_paper(out: Path, only: FigureName | None, flights: Path | None, runs: in
 
     Each figure is named while it is made, and its pictures when they lie in `out`.
 
-    Args:
-        out: folder of the pictures.
-        only: one figure instead of all.
-        flights: folder of logs to draw instead.
-        runs: landings of the figure `touchdowns` on each motion; without any it is made only where `only` names it,
-            with the paper's fifty.
+    The figure `touchdowns` has `runs` landings on each motion; without any it is made only where `only` names it, with
+    the paper's fifty.
 
     Raises:
         DataError: the output folder cannot be written, or the folder of flights holds none.
@@ -106,7 +74,7 @@ def _progress(words: str) -> None:
 
 def _roll_law(path: Path, scenario: Scenario) -> str:
     ship, match_px = scenario.guidance.ship, scenario.guidance.far_baselines.match_px
-    plot_roll_law(path, ship, match_px)
+    plots.plot_roll_law(path, ship, match_px)
     errors_px = (-100.0, -50.0, -20.0, -5.0, 5.0, 20.0, 50.0, 100.0)
     head = ["error [px]", *(f"{error_px:+.0f}" for error_px in errors_px)]
     rows = [
@@ -118,7 +86,7 @@ def _roll_law(path: Path, scenario: Scenario) -> str:
 
 def _derivative_gain(path: Path, scenario: Scenario) -> str:
     near = scenario.guidance.near
-    plot_derivative_gain(path, near)
+    plots.plot_derivative_gain(path, near)
     steps = (-2.0, -1.0, 0.0, 1.0, 2.0, 4.0)
     head = ["axis", *(f"step {step:+g} σ" for step in steps), "linear"]
     rows = []
@@ -130,27 +98,27 @@ def _derivative_gain(path: Path, scenario: Scenario) -> str:
 
 
 def _far_steps(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one signature for all
-    (roll, roll_s), (heave, heave_s) = ultimate(0, 0.8, 1.6), ultimate(1, 8.0, 16.0)
+    (roll, roll_s), (heave, heave_s) = far.ultimate(0, 0.8, 1.6), far.ultimate(1, 8.0, 16.0)
     shown: dict[str, dict[str, FarTrace]] = {"100 m, still air": {}, "60 m, still air": {}}
     sideways: list[list[str]] = []
     vertical: list[list[str]] = []
-    for case in STEP_CASES:
-        for name, (kind, variant) in CONTROLS.items():
-            trace = fly_step(case, kind, variant)
+    for case in far.STEP_CASES:
+        for name, (kind, variant) in far.CONTROLS.items():
+            trace = far.fly_step(case, kind, variant)
             if case.name in shown:
                 shown[case.name][name] = trace
             for axis, rows in enumerate((sideways, vertical)):
-                figures = step_figures(trace.t_s, trace.off_px[:, axis])
+                figures = far.step_figures(trace.t_s, trace.off_px[:, axis])
                 share = 100.0 * figures.overshoot_px / abs(figures.step_px)
                 overshoot, *others = _texts(figures, _STEP)
                 rows.append([case.name, name, overshoot, f"{share:.0f}", *others])
-    plot_far_steps(path, shown)
+    plots.plot_far_steps(path, shown)
     overshot, *other = _STEP
     head = ["case", "control", overshot, "overshoot [%]", *other]
     return "\n\n".join(
         [
-            f"Settled: within {100.0 * SETTLED_SHARE:.0f} % of the step from then on. Steady error and swing: mean, "
-            f"and highest minus lowest, over the last {LATE_S:.0f} of {STEP_S:.0f} s.",
+            f"Settled: within {100.0 * far.SETTLED_SHARE:.0f} % of the step from then on. Steady error and swing: "
+            f"mean, and highest minus lowest, over the last {far.LATE_S:.0f} of {far.STEP_S:.0f} s.",
             f"A proportional stick no longer settles at 100 m from {roll:.2f} % per px in roll (period "
             f"{roll_s:.1f} s) and {heave:.1f} % per px in heave ({heave_s:.1f} s).",
             "### Sideways",
@@ -159,8 +127,8 @@ def _far_steps(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one sig
             _table(head, vertical),
             "### Heading",
             _table(
-                ["yaw law, cycle", f"swing over {LATE_S:.0f} s [°]"],
-                [[name, f"{yaw_swing_deg(overlay):.1f}"] for name, overlay in YAW_CASES.items()],
+                ["yaw law, cycle", f"swing over {far.LATE_S:.0f} s [°]"],
+                [[name, f"{far.yaw_swing_deg(overlay):.1f}"] for name, overlay in far.YAW_CASES.items()],
             ),
         ]
     )
@@ -173,29 +141,30 @@ _STEP = {
     "swing [px]": ("swing_px", ".0f"),
 }
 """Columns: which figure, and how it is written."""
-_SHOWN = (ApproachCase(250.0, 15.0, 5.0), ApproachCase(120.0, 5.0, 0.0), ApproachCase(60.0, 2.0, 5.0))
+_SHOWN = (far.approach(250.0, 15.0, 5.0), far.approach(120.0, 5.0, 0.0), far.approach(60.0, 2.0, 5.0))
 
 
 def _far_readings(path: Path, scenario: Scenario) -> str:
     bar_px2, bar_ahead_m = scenario.guidance.bar.pitch.setpoint, float(scenario.rig.bar_in_ship_m[0])
-    shown: dict[ApproachCase, dict[FarVariant, FarTrace]] = {case: {} for case in _SHOWN}
-    by_reading: dict[FarVariant, list[ApproachFigures]] = {variant: [] for variant in READINGS}
+    shown: dict[FarCase, dict[FarVariant, FarTrace]] = {case: {} for case in _SHOWN}
+    by_reading: dict[FarVariant, list[far.ApproachFigures]] = {variant: [] for variant in far.READINGS}
     rows = []
-    for case in APPROACHES:
-        for variant in READINGS:
-            trace = fly_approach(case, variant)
+    for case in far.APPROACHES:
+        for variant in far.READINGS:
+            trace = far.fly_approach(case, variant)
             if case in shown:
                 shown[case][variant] = trace
-            figures = approach_figures(trace, bar_px2, bar_ahead_m)
+            figures = far.approach_figures(trace, bar_px2, bar_ahead_m)
             by_reading[variant].append(figures)
             place = [f"{case.distance_m:.0f}", f"{case.offset_deg:.0f}", f"{case.wind_mps:.0f}", variant]
             rows.append([*place, *_texts(figures, _APPROACH)])
-    plot_readings(path, shown, bar_ahead_m)
+    plots.plot_readings(path, shown, bar_ahead_m)
     sums = [_reading_sum(variant, all_of) for variant, all_of in by_reading.items()]
     return "\n\n".join(
         [
-            f"Hand-over: {HAND_OVER_M:.0f} m from the bar, where corners take over. Run-in: the {RUN_IN_M:.0f} m "
-            f"before it. Settled: from when on within {AXIS_M:.0f} m of the ship's axis, if before the run-in. "
+            f"Hand-over: {far.HAND_OVER_M:.0f} m from the bar, where corners take over. Run-in: the "
+            f"{far.RUN_IN_M:.0f} m before it. Settled: from when on within {far.AXIS_M:.0f} m of the ship's axis, if "
+            "before the run-in. "
             "Setpoint area: when the bar's box, flown on past the hand-over, came within a fifth of 3400 px².",
             _table(["reading", "flights", "settled before the run-in", *_SUM, "ship lost on the way there"], sums),
             _table(["from [m]", "offset [°]", "wind [m/s]", "reading", *_APPROACH], rows),
@@ -223,7 +192,7 @@ _APPROACH = {
 }
 
 
-def _reading_sum(variant: str, flights: list[ApproachFigures]) -> list[str]:
+def _reading_sum(variant: str, flights: list[far.ApproachFigures]) -> list[str]:
     settled = sum(not math.isnan(flight.settled_s) for flight in flights)
     medians = [
         _text(float(np.nanmedian([getattr(flight, name) for flight in flights])), form) for name, form in _SUM.values()
@@ -242,7 +211,7 @@ def _near_false(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one si
                 shown[name] = spoiled
             case = [f"{1000.0 * noise_m:.0f}", f"{false_m:g}", _text(slew), name]
             rows.append([*case, *_texts(figures, _NEAR), f"{100.0 * figures.excursion_m:.1f}"])
-    plot_near(path, shown)
+    plots.plot_near(path, shown)
     words = (
         f"One estimate is false, at {FALSE_AT_S:g} s, to the right. Noise of the stick: before it, from step to step. "
         "Excursion: from where the aircraft would have been without it, within 3 s."

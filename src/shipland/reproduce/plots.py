@@ -12,9 +12,9 @@ from shipland.figures import drawn
 from shipland.guidance.laws import PUBLISHED_STEP_S, derivative_gain, exponential_law
 from shipland.guidance.parameters import FarParameters, FarVariant, NearGains, NearParameters
 from shipland.report.palette import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, Rgb, unit
-from shipland.reproduce.far import HAND_OVER_M, SETTLED_SHARE, ApproachCase
+from shipland.reproduce.far import HAND_OVER_M, SETTLED_SHARE
 from shipland.reproduce.near import FALSE_AT_S, NearTrace
-from shipland.reproduce.ranges import FarTrace
+from shipland.reproduce.ranges import FarCase, FarTrace
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -104,9 +104,7 @@ def plot_far_steps(path: Path, columns: Mapping[str, Mapping[str, FarTrace]]) ->
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
 
 
-def plot_readings(
-    path: Path, flights: Mapping[ApproachCase, Mapping[FarVariant, FarTrace]], bar_ahead_m: float
-) -> None:
+def plot_readings(path: Path, flights: Mapping[FarCase, Mapping[FarVariant, FarTrace]], bar_ahead_m: float) -> None:
     """Approaches from above: distance from the ship's axis over range; one panel a case, one curve a reading."""
     with drawn(path, (11.0, 2.6 * len(flights) + 0.4), _DPI) as figure:
         panels = figure.subplots(len(flights), 1, squeeze=False)[:, 0]

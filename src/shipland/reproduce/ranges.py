@@ -107,15 +107,12 @@ class TrueBoxes:
         truth = self._vehicle.truth_at(frame.t_s)
         if truth is None:
             return Observation(frame.t_s, frame.gimbal, learned=True)
-        camera_from_ned = truth.ned_from_camera.inverse()
-        ship = box_of(
-            self._vehicle.camera, (camera_from_ned @ truth.ned_from_ship).apply(self._ship_in_ship_m), noise_px[0]
-        )
+        camera, camera_from_ned = self._vehicle.camera, truth.ned_from_camera.inverse()
+        camera_from_bar = camera_from_ned @ truth.ned_from_bar
+        ship = box_of(camera, (camera_from_ned @ truth.ned_from_ship).apply(self._ship_in_ship_m), noise_px[0])
         bar = None
-        if float(np.linalg.norm((camera_from_ned @ truth.ned_from_bar).translation_m)) <= BAR_RANGE_M:
-            bar = box_of(
-                self._vehicle.camera, (camera_from_ned @ truth.ned_from_bar).apply(self._bar_in_bar_m), noise_px[1]
-            )
+        if float(np.linalg.norm(camera_from_bar.translation_m)) <= BAR_RANGE_M:
+            bar = box_of(camera, camera_from_bar.apply(self._bar_in_bar_m), noise_px[1])
         return Observation(frame.t_s, frame.gimbal, bar_box=bar, ship_box=ship, learned=True)
 
 
@@ -236,8 +233,7 @@ def _trace(records: list[FlightRecord], scenario: Scenario, camera: Camera, reas
             off = (box.centre_px[0] - gains.roll.setpoint, box.centre_px[1] - gains.heave.setpoint, box.area_px2)
         place_m = (truth.ned_from_ship.inverse() @ truth.ned_from_body).translation_m
         heading_deg = math.degrees(math.atan2(truth.ned_from_body.rotation[1, 0], truth.ned_from_body.rotation[0, 0]))
-        sticks = (command.pitch_percent, command.roll_percent, command.heave_percent, command.yaw_percent)
-        rows.append((truth.t_s, *off, on_bar, *sticks, *place_m, heading_deg))
+        rows.append((truth.t_s, *off, on_bar, *command.sticks_percent, *place_m, heading_deg))
     table = np.array(rows, dtype=float).reshape(-1, 13)
     return FarTrace(
         table[:, 0], table[:, 1:3], table[:, 3], table[:, 4] > 0.0, table[:, 5:9], table[:, 9:12], table[:, 12], reason
