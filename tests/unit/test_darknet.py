@@ -4,8 +4,7 @@ import pytest
 from studies.networks import random_weights, write_cfg, write_weights
 
 from shipland.errors import DataError
-from shipland.learning import darknet
-from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, ConvWeights, yolov3_layers
+from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, ConvWeights, read_weights, yolov3_layers
 from shipland.vision.far.decode import Decoding, DetectorSpec, decode
 
 SPEC = DetectorSpec(("ship", "buoy"), PUBLISHED_ANCHORS_PX, Decoding.DARKNET, 0.125)
@@ -25,7 +24,7 @@ def files(tmp_path_factory):
 
 def test_round_trip(files):
     _, numbers, weights = files
-    for mine, back in zip(weights, darknet.read_weights(numbers, LAYERS), strict=True):
+    for mine, back in zip(weights, read_weights(numbers, LAYERS), strict=True):
         for name in ("kernel", "bias", "scale", "mean", "variance"):
             np.testing.assert_array_equal(getattr(mine, name), getattr(back, name))
 
@@ -66,7 +65,7 @@ def test_older_header_has_a_short_counter(files, tmp_path):
     data = numbers.read_bytes()
     old = tmp_path / "old.weights"
     old.write_bytes(np.array([0, 1, 0, 77], "<i4").tobytes() + data[20:])
-    back = darknet.read_weights(old, LAYERS)
+    back = read_weights(old, LAYERS)
     np.testing.assert_array_equal(back[-1].kernel, weights[-1].kernel)
 
 
@@ -84,7 +83,7 @@ def test_foreign_weights_are_refused_by_name(files, tmp_path, change, message):
     path = tmp_path / "foreign.weights"
     path.write_bytes(change(files[1].read_bytes()))
     with pytest.raises(DataError, match=f"foreign.weights.*{message}"):
-        darknet.read_weights(path, LAYERS)
+        read_weights(path, LAYERS)
 
 
 def test_wide_decoding_cannot_be_written_as_darknet(tmp_path):

@@ -45,8 +45,6 @@ def onnx_bytes(
     spec: DetectorSpec,
     *,
     half: bool,
-    rgb: bool = False,
-    input_scale: float = 1.0 / 255.0,
 ) -> bytes:
     """The network as an ONNX file's bytes.
 
@@ -55,8 +53,6 @@ def onnx_bytes(
         weights: its numbers, one entry a convolution.
         spec: how its maps are decoded.
         half: keep the weights as 16-bit floats (computation stays the runtime's choice).
-        rgb: the network was trained on RGB (Darknet's are); the first kernel is turned round.
-        input_scale: what the network's training multiplied 0 … 255 by.
     """
     onnx = _onnx()
     helper, numpy_helper = onnx.helper, onnx.numpy_helper
@@ -81,7 +77,7 @@ def onnx_bytes(
             case Conv(_, size, stride, normalised):
                 kernel, bias = next(remaining).folded()
                 if first:
-                    kernel = (kernel[:, ::-1] if rgb else kernel) * np.float32(input_scale)
+                    kernel = kernel * np.float32(1.0 / 255.0)
                     first = False
                 pair = [constant(f"{name}_kernel", kernel), constant(f"{name}_bias", bias)]
                 raw = f"{name}_raw" if normalised else name
@@ -142,10 +138,9 @@ def write_onnx(
     spec: DetectorSpec,
     *,
     half: bool = True,
-    rgb: bool = False,
 ) -> None:
     """Write the network as ONNX, whole or not at all, with its digest."""
-    write_with_digest(path, onnx_bytes(layers, weights, spec, half=half, rgb=rgb))
+    write_with_digest(path, onnx_bytes(layers, weights, spec, half=half))
 
 
 def read_onnx(path: Path, layers: Sequence[Layer]) -> tuple[list[ConvWeights], DetectorSpec]:
@@ -190,8 +185,6 @@ def write_int8(
     weights: Sequence[ConvWeights],
     spec: DetectorSpec,
     calibration: Callable[[], Iterator[npt.NDArray[np.uint8]]],
-    *,
-    rgb: bool = False,
 ) -> None:
     """Write the network with 8-bit weights and activations, whole or not at all, with its digest.
 
@@ -217,7 +210,7 @@ def write_int8(
 
     with tempfile.TemporaryDirectory() as folder:
         full, small = Path(folder) / "full.onnx", Path(folder) / "int8.onnx"
-        full.write_bytes(onnx_bytes(layers, weights, spec, half=False, rgb=rgb))
+        full.write_bytes(onnx_bytes(layers, weights, spec, half=False))
         root_level = logging.getLogger().level
         logging.getLogger().setLevel(logging.ERROR)
         try:

@@ -81,46 +81,23 @@ def load_weights(network: Network, weights: Sequence[ConvWeights]) -> None:
     """Put numbers into a network, convolution by convolution."""
     with torch.no_grad():
         for module, item in zip(network.convs, weights, strict=True):
-            parts = list(module.children())
-            conv = parts[0]
-            assert isinstance(conv, nn.Conv2d)
-            conv.weight.copy_(torch.from_numpy(item.kernel))
-            if item.scale is None or item.mean is None or item.variance is None:
-                assert conv.bias is not None
-                conv.bias.copy_(torch.from_numpy(item.bias))
-                continue
-            norm = parts[1]
-            assert isinstance(norm, nn.BatchNorm2d) and norm.running_mean is not None and norm.running_var is not None
-            norm.weight.copy_(torch.from_numpy(item.scale))
-            norm.bias.copy_(torch.from_numpy(item.bias))
-            norm.running_mean.copy_(torch.from_numpy(item.mean))
-            norm.running_var.copy_(torch.from_numpy(item.variance))
+            given = (numbers for numbers in vars(item).values() if numbers is not None)
+            for tensor, numbers in zip(_tensors(module), given, strict=True):
+                tensor.copy_(torch.from_numpy(numbers))
 
 
 def weights_of(network: Network) -> list[ConvWeights]:
     """A network's numbers, convolution by convolution."""
-    weights = []
-    for module in network.convs:
-        parts = list(module.children())
-        conv = parts[0]
-        assert isinstance(conv, nn.Conv2d)
-        if len(parts) == 1:
-            assert conv.bias is not None
-            weights.append(ConvWeights(_numbers(conv.weight), _numbers(conv.bias)))
-            continue
-        norm = parts[1]
-        assert isinstance(norm, nn.BatchNorm2d) and norm.running_mean is not None and norm.running_var is not None
-        weights.append(
-            ConvWeights(
-                _numbers(conv.weight),
-                _numbers(norm.bias),
-                _numbers(norm.weight),
-                _numbers(norm.running_mean),
-                _numbers(norm.running_var),
-            )
-        )
-    return weights
+    return [
+        ConvWeights(*(np.array(tensor.detach().cpu().float().numpy(), np.float32) for tensor in _tensors(module)))
+        for module in network.convs
+    ]
 
 
-def _numbers(tensor: Tensor) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
-    return np.array(tensor.detach().cpu().float().numpy(), dtype=np.float32)
+def _tensors(module: nn.Module) -> list[Tensor]:
+    """Of one convolution, in the order of `ConvWeights`."""
+    conv, *others = module.children()
+    if not others:
+        return [conv.weight, conv.bias]
+    norm = others[0]
+    return [conv.weight, norm.bias, norm.weight, norm.running_mean, norm.running_var]

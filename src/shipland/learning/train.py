@@ -35,7 +35,7 @@ from shipland.learning.run import BEST, LAST, Run, steps, through
 from shipland.learning.settings import TrainParameters, train_parameters
 from shipland.learning.split import split
 from shipland.learning.windows import DiskWindows, ResidentWindows, Windows, decoded_bytes
-from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, yolov3_layers
+from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, read_weights, yolov3_layers
 from shipland.progress import followed
 from shipland.vision.far.decode import Decoding, DetectorSpec
 from shipland.vision.far.detector import weights_path
@@ -194,8 +194,6 @@ def _initial(path: Path, spec: DetectorSpec) -> tuple[dict[str, Tensor], Detecto
     The heads of a detector of this project belong to its anchors and decoding: those are kept.
     """
     if path.suffix == ".weights":
-        from shipland.learning.darknet import read_weights
-
         if spec.decoding is not Decoding.DARKNET:
             raise DataError(f"{path}: Darknet's weights need decoding = 'darknet' in [train]")
         network = _network(spec)

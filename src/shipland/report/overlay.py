@@ -101,7 +101,7 @@ def draw_verdict(image: Image, verdict: TouchdownVerdict) -> None:
     band[:6] = bgr(GREEN if good else VERMILION)
     lines = [(title, 30, True, -10), (figures, 17, False, 24)]
     if not good:
-        reason = _one_line(verdict.reason, 15, width - 40)
+        reason = wrap_text(verdict.reason, 15, width - 40, lines=1)[0]
         lines = [(title, 30, True, -18), (figures, 17, False, 11), (reason, 15, False, 37)]
     for text, size_px, bold, below in lines:
         column = (width - text_width(text, size_px, bold)) // 2
@@ -250,10 +250,6 @@ def _metres(value_m: float) -> str:
 
 def _signed(value: float, digits: int) -> str:
     return f"{round(value, digits) + 0.0:+.{digits}f}".replace("-", "−")  # + 0.0: no minus before a zero
-
-
-def _one_line(text: str, size_px: int, width_px: int) -> str:
-    return wrap_text(text, size_px, width_px, lines=1)[0]
 
 
 def _draw_corners(image: cv2.typing.MatLike, corners_px: npt.NDArray[np.float64]) -> None:
