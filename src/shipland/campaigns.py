@@ -315,7 +315,7 @@ def _fly(
 def _write(found: Campaign, plan: CampaignPlan, folder: Path, oracle_motions: int) -> None:
     """Tables and pictures beside the rows."""
     from shipland.evaluation.campaign import read_cells
-    from shipland.report.campaign import write_campaign
+    from shipland.report.landing_plots import write_campaign
 
     write_rows(folder / "flights.csv", read_cells([folder]))
     for planned, flown in zip(plan.cells, found.cells, strict=True):

@@ -31,7 +31,7 @@ def made_up(monkeypatch):
         return seeded(NOWHERE if missed else GOOD, flight.seed)
 
     monkeypatch.setattr(job, "land_once", land)
-    monkeypatch.setattr("shipland.report.campaign.installed", lambda _: False)
+    monkeypatch.setattr("shipland.report.landing_plots.installed", lambda _: False)
     return flown
 
 

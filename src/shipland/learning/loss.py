@@ -108,12 +108,7 @@ def complete_iou(a: Tensor, b: Tensor) -> Tensor:
 def squared_error(raw: Tensor, cell: Tensor, target: Tensor, anchors: Tensor, stride: int) -> Tensor:
     """Half the squared errors (k,4) of Darknet's decoding [YOLOv3, §2.1]: centre in cells, logarithm of the size.
 
-    Args:
-        raw: (k,4) raw numbers.
-        cell: (k,2) columns and rows.
-        target: (k,4) rows (centre, size) [px].
-        anchors: (k,2) [px].
-        stride: of the scale [px].
+    Raw numbers (k,4), cells (k,2) (column, row), targets (k,4) rows (centre, size) [px], anchors (k,2) and stride [px].
     """
     centre = raw[:, :2].sigmoid() - (target[:, :2] / stride - cell)
     size = raw[:, 2:] - (target[:, 2:] / anchors).log()

@@ -11,7 +11,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -24,7 +24,7 @@ from shipland.camera import Camera
 from shipland.config import build
 from shipland.errors import DataError
 from shipland.files import claim, replacing, write_atomically
-from shipland.learning.arguments import Kind, SynthArguments
+from shipland.learning.arguments import SynthArguments
 from shipland.learning.dataset import coco_table, read_dataset
 from shipland.learning.decoys import foot_box_px, paint
 from shipland.learning.sensor import degrade
@@ -42,15 +42,6 @@ T = TypeVar("T")
 Picture = npt.NDArray[np.uint8]
 DEFAULT_COUNTS = {"ship": 2000, "bar": 1000}  # [Lee2022, §Machine Learning Based Approach]
 FRAME_S = 0.1
-
-
-@dataclass(frozen=True)
-class Still:
-    """A labelled picture: the situation, the picture (h,w,3) BGR, and the target's box in it, if it is there."""
-
-    shot: Shot
-    picture: Picture
-    box: NearestBox | None
 
 
 def synth_parameters(config: Path | None) -> SynthParameters:
@@ -99,18 +90,22 @@ def _fail(_: list[int], why: str) -> None:
 def make_files(
     arguments: SynthArguments, parameters: SynthParameters, drawn: ShipAndCamera, numbers: list[int]
 ) -> list[str]:
-    """Draw these pictures of a set and write their files; their names."""
-    camera, rig = Camera.from_parameters(drawn.camera), drawn.rig
+    """Draw pictures of a set, all of one block of light, air and sea, and write their files; their names."""
+    camera, rig, crop_px = Camera.from_parameters(drawn.camera), drawn.rig, arguments.crop_px
+    scene_parameters, waves = draw_scene(numbers[0] // parameters.pictures_per_scene, parameters, arguments.seed)
     names = []
-    for still in make_stills(numbers, arguments.kind, camera, rig, parameters, arguments.seed, arguments.crop_px):
-        name = _name(arguments, still.shot.number)
-        quality = jpeg_quality(still.shot, parameters)
-        data = cv2.imencode(".jpg", still.picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
-        write_plainly(arguments.out / "images" / f"{name}.jpg", data)
-        label = label_line(still.box, still.picture.shape)
-        write_plainly(arguments.out / "labels" / f"{name}.txt", label.encode())
-        write_plainly(arguments.out / "scenes" / f"{name}.json", json.dumps(still.shot.scene(f"{name}.jpg")).encode())
-        names.append(name)
+    with closing(Scene(rig, scene_parameters, np.random.default_rng(waves))) as scene:
+        for number in numbers:
+            shot = draw_shot(number, arguments.kind, scene_parameters, camera, rig, parameters, arguments.seed)
+            view = crop_camera(shot, camera, rig, parameters, crop_px) if crop_px else camera
+            picture, box = draw(shot, 0.0, scene, view, rig, parameters)
+            quality = jpeg_quality(shot, parameters)
+            data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+            name = _name(arguments, number)
+            write_plainly(arguments.out / "images" / f"{name}.jpg", data)
+            write_plainly(arguments.out / "labels" / f"{name}.txt", label_line(box, picture.shape).encode())
+            write_plainly(arguments.out / "scenes" / f"{name}.json", json.dumps(shot.scene(f"{name}.jpg")).encode())
+            names.append(name)
     return names
 
 
@@ -163,28 +158,6 @@ def label_line(box: NearestBox | None, shape: tuple[int, ...]) -> str:
     left, top, right, bottom = box
     values = ((left + right) / 2 / width, (top + bottom) / 2 / height, (right - left) / width, (bottom - top) / height)
     return "0 " + " ".join(f"{value:.7f}" for value in values) + "\n"
-
-
-def make_stills(
-    numbers: list[int], kind: Kind, camera: Camera, rig: Rig, parameters: SynthParameters, seed: int, crop_px: int
-) -> Iterator[Still]:
-    """Labelled pictures of these numbers, in order; `crop_px` 0 gives whole frames."""
-    block, scene, scene_parameters = -1, None, None
-    try:
-        for number in numbers:
-            if scene is None or number // parameters.pictures_per_scene != block:
-                block = number // parameters.pictures_per_scene
-                if scene is not None:
-                    scene.close()
-                scene_parameters, waves = draw_scene(block, parameters, seed)
-                scene = Scene(rig, scene_parameters, np.random.default_rng(waves))
-            assert scene_parameters is not None
-            shot = draw_shot(number, kind, scene_parameters, camera, rig, parameters, seed)
-            view = camera if crop_px == 0 else crop_camera(shot, camera, rig, parameters, crop_px)
-            yield Still(shot, *draw(shot, 0.0, scene, view, rig, parameters))
-    finally:
-        if scene is not None:
-            scene.close()
 
 
 def draw(

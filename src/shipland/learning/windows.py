@@ -110,10 +110,6 @@ class ResidentWindows:
             for index, targets in enumerate(table):
                 filled[index, : len(targets)] = targets
             self._pictures[shape], self._targets[shape] = held, torch.from_numpy(filled).to(device)
-        self._numbers = {
-            shape: np.array([number for number, place in enumerate(self._place) if place[0] == shape])
-            for shape in blocks
-        }
 
     def load(self, index: int) -> tuple[Picture, Targets]:
         """See `Windows.load`."""

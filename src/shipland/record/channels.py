@@ -24,7 +24,7 @@ from __future__ import annotations
 import cv2
 import foxglove
 from foxglove import Context, channels
-from foxglove.messages import CompressedImage, FrameTransforms, LogLevel, PoseInFrame
+from foxglove.messages import CompressedImage, FrameTransforms, LogLevel
 from foxglove.messages import Log as LogMessage
 
 from shipland.camera import Camera
@@ -90,14 +90,12 @@ class FlightChannels:
         decision, pose = record.decision, record.observation.bar_pose
         estimate = decision.estimate
         if estimate is not None:
-            turn = scene.pose_message(estimate.aircraft_in_bar_m, estimate.yaw_rad)
-            valid_at = scene.timestamp(scene.nanoseconds(estimate.t_s))
-            message = PoseInFrame(timestamp=valid_at, frame_id="bar", pose=turn)
-            self._aircraft.log(message, log_time=time_ns)
+            valid_at = scene.nanoseconds(estimate.t_s)
+            place = scene.pose_in_bar(estimate.aircraft_in_bar_m, estimate.yaw_rad, valid_at)
+            self._aircraft.log(place, log_time=time_ns)
         if pose is not None:
-            turn = scene.pose_message(pose.position_in_bar_m, pose.yaw_rad)
-            message = PoseInFrame(timestamp=scene.timestamp(time_ns), frame_id="bar", pose=turn)
-            self._camera_pose.log(message, log_time=time_ns)
+            place = scene.pose_in_bar(pose.position_in_bar_m, pose.yaw_rad, time_ns)
+            self._camera_pose.log(place, log_time=time_ns)
         self._append_picture(record)
         if decision.mode is not None and decision.mode is not self._mode:
             self._mode = decision.mode

@@ -18,6 +18,7 @@ from foxglove.messages import (
     Point3,
     PointsAnnotation,
     PointsAnnotationType,
+    PoseInFrame,
     Quaternion,
     SceneEntity,
     SceneUpdate,
@@ -106,10 +107,11 @@ def _estimated(record: FlightRecord, rig: Rig) -> list[tuple[str, str, Pose]]:
     return edges
 
 
-def pose_message(position_m: Array, yaw_rad: float) -> PoseMessage:
-    """A place (3,) [m] and a heading about the down axis."""
+def pose_in_bar(position_m: Array, yaw_rad: float, time_ns: int) -> PoseInFrame:
+    """A place (3,) [m] in `bar` and a heading about the down axis, at a time."""
     (orientation,) = _quaternions(rotation_from_euler(0.0, 0.0, yaw_rad)[None])
-    return PoseMessage(position=_vector(position_m), orientation=orientation)
+    pose = PoseMessage(position=_vector(position_m), orientation=orientation)
+    return PoseInFrame(timestamp=timestamp(time_ns), frame_id="bar", pose=pose)
 
 
 def calibration(camera: Camera, time_ns: int) -> CameraCalibration:

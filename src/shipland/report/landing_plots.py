@@ -1,9 +1,9 @@
-"""Pictures of many landings: where they touched the deck, and at which instants of its motion."""
+"""Tables and pictures of many landings: where they touched the deck, and at which instants of its motion."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,13 +12,22 @@ import numpy.typing as npt
 
 from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.landing import Landing
+from shipland.evaluation.leaderboard import rules_table
+from shipland.evaluation.suite import Cell
+from shipland.evaluation.tables import causes_table, landings_table, modes_table
 from shipland.evaluation.tally import Tally
+from shipland.extras import installed
+from shipland.factories import name_of
 from shipland.figures import PLOT_STYLE, drawn, new_figure
+from shipland.files import writing
 from shipland.frames import Array
+from shipland.report.outputs import OutputParameters
 from shipland.report.palette import BLUE, GREEN, VERMILION, unit
 from shipland.report.plots import PlotParameters, draw_pad
 from shipland.report.svg import SERIES
 from shipland.rig import Rig, area_of
+from shipland.scenario.scenario import Scenario
+from shipland.sim.ship.ship import build_ship
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -172,3 +181,37 @@ def plot_instants(path: Path, trace: DeckTrace, touchdowns: Touchdowns, title: s
                 axes.tick_params(labelbottom=False)
             if row == 0:
                 axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
+
+
+def write_campaign(folder: Path, cell: Cell, landings: Sequence[Landing]) -> None:
+    """Write `table.md` and, with the extra `plots`, `landings.png` and, of one motion for all, `instants.png`.
+
+    Raises:
+        DataError: one of them cannot be written.
+    """
+    scenario = cell.scenario
+    tables = [
+        landings_table(landings, scenario.rig.landing_area),
+        causes_table(landings),
+        modes_table(landings),
+        rules_table(landings, scenario.rig),
+    ]
+    with writing(folder / "table.md"):
+        (folder / "table.md").write_text("\n\n".join(filter(None, tables)) + "\n", encoding="utf-8")
+    if not installed("plots"):
+        return
+    touchdowns = touchdowns_of(landings)
+    title = f"{scenario.name}, pilot {name_of(cell.pilot)}, vision {name_of(cell.vision)}"
+    parameters = OutputParameters().plots
+    plot_touchdowns(folder / "landings.png", touchdowns, scenario.rig, title, parameters)
+    if scenario.ship.same_motion:
+        plot_instants(folder / "instants.png", deck_trace(scenario, landings), touchdowns, title, parameters)
+
+
+def deck_trace(scenario: Scenario, landings: Sequence[Landing]) -> DeckTrace:
+    """The one motion that every flight meets with `ship.same_motion`, to five seconds after the last landing."""
+    parameters = replace(scenario.ship, instant_range_s=0.0)
+    ship = build_ship(parameters, scenario.rig, np.random.default_rng(0))
+    t_s = np.arange(0.0, max(landing.instant_s for landing in landings) + 5.0, 0.05)
+    motion = np.array([ship.at(float(t)).deck.displacement for t in t_s])
+    return DeckTrace(t_s, motion)

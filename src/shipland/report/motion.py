@@ -32,14 +32,7 @@ _RULE_COLOURS = {"froude": unit(BLUE), "length_only": unit(VERMILION)}
 
 
 def plot_case(path: Path, t_s: Array, deck: Array, wind_in_ned_mps: Array) -> None:
-    """Six traces of the deck and three of the wind over it.
-
-    Args:
-        path: PNG to write; DataError when it cannot be.
-        t_s: (N,) times.
-        deck: (N, 6) motion [m, deg].
-        wind_in_ned_mps: (N, 3) air velocity.
-    """
+    """The deck's motion (N, 6) [m, deg] and the wind over it (N, 3) as a PNG; DataError when it cannot be written."""
     with drawn(path, (10.0, 11.0), _DPI) as figure:
         axes = figure.subplots(7, 1, sharex=True)
         for index, name in enumerate(DOF_NAMES):
@@ -57,10 +50,8 @@ def plot_case(path: Path, t_s: Array, deck: Array, wind_in_ned_mps: Array) -> No
 def plot_headings(path: Path, panels: Mapping[str, Mapping[str, tuple[Array, Array]]], limit: Array) -> None:
     """Six traces, one column a heading, one curve a time rule, the motion base's limits where they are near.
 
-    Args:
-        path: PNG to write; DataError when it cannot be.
-        panels: heading → time rule → times (N,) and motion (N, 6) [m, deg].
-        limit: (6,) the motion base's limits [m, deg].
+    `panels`: heading → time rule → times (N,) and motion (N, 6) [m, deg]; `limit` (6,) likewise. DataError when the PNG
+    cannot be written.
     """
     with drawn(path, (13.0, 11.0), _DPI) as figure:
         axes = figure.subplots(6, len(panels), sharex=True, sharey="row", squeeze=False)

@@ -150,12 +150,9 @@ class Instruments:
         return np.asarray(self._curve(np.clip(t_s, samples[0, 0], samples[-1, 0])))
 
     def draw(self, record: FlightRecord, places: Derived, t_s: float) -> Image:
-        """The strip (STRIP_HEIGHT_PX, width, 3) at `t_s`.
+        """The strip (STRIP_HEIGHT_PX, width, 3) of a video's frame at `t_s`, the newest cycle then being `record`.
 
-        Args:
-            record: the newest cycle then.
-            places: with the pilot's estimate and the truth of one and the same time.
-            t_s: time of the video's frame [s].
+        In `places` the pilot's estimate and the truth are of one and the same time.
         """
         strip = self._blank.copy()
         self._draw_mode(strip, record, t_s)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from shipland.frames import Array, Pose
+from shipland.frames import Array
 from shipland.messages import GroundTruth
 from shipland.report.lettering import Image, put_text, wrap_text
 from shipland.report.palette import BLACK, BLUE, GREEN, GREY, ORANGE, Rgb
@@ -102,17 +102,12 @@ class FlightViews:
         ship_from_ned = truth.ned_from_ship.inverse()
         for side_m, colour in ((self._rig.deck_size_m, GREY), (self._rig.landing_square_m, GREEN)):
             corners_m = 0.5 * side_m * np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-            _line(panel, px(_moved(ship_from_ned @ truth.ned_from_deck, corners_m)), colour, 1, closed=True)
+            _line(panel, px((ship_from_ned @ truth.ned_from_deck).apply(corners_m)), colour, 1, closed=True)
         _line(panel, px(trail_m), BLUE, 1)
         half_m = 0.5 * max(self._aircraft_m, _LEAST_AIRCRAFT_PX / scale)
         ship_from_body = ship_from_ned @ truth.ned_from_body
         for arm_m in ([[-1.0, 0, 0], [1, 0, 0]], [[0.0, -1, 0], [0, 1, 0]]):
-            _line(panel, px(_moved(ship_from_body, half_m * np.array(arm_m))), ORANGE, 3)
-
-
-def _moved(pose: Pose, points_m: Array) -> Array:
-    moved: Array = points_m @ pose.rotation.T + pose.translation_m
-    return moved
+            _line(panel, px(ship_from_body.apply(half_m * np.array(arm_m))), ORANGE, 3)
 
 
 def _outline(solid: Solid) -> Array:
