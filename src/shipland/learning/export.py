@@ -46,14 +46,7 @@ def onnx_bytes(
     *,
     half: bool,
 ) -> bytes:
-    """The network as an ONNX file's bytes.
-
-    Args:
-        layers: the network.
-        weights: its numbers, one entry a convolution.
-        spec: how its maps are decoded.
-        half: keep the weights as 16-bit floats (computation stays the runtime's choice).
-    """
+    """The network as an ONNX file's bytes; `half` keeps 16-bit weights, arithmetic is the runtime's choice."""
     onnx = _onnx()
     helper, numpy_helper = onnx.helper, onnx.numpy_helper
     nodes: list[Any] = []

@@ -214,11 +214,8 @@ def _by_picture(targets: Tensor, batch: int) -> Tensor | None:
 def fit_anchors(sizes_px: npt.NDArray[np.floating], seed: int) -> Anchors:
     """Nine anchors, three a scale, smallest first: k-means of the targets' sizes [YOLOv3, §2.3].
 
-    Clusters are sought in the logarithm of width and height, so that a ratio counts alike at 5 px and at 200 px.
-
-    Args:
-        sizes_px: (n,2) width and height of targets as the network will see them [px].
-        seed: of the first centres.
+    Clusters are sought in the logarithm of width and height (n,2) [px], as the network will see them, so that a ratio
+    counts alike at 5 px and at 200 px. The seed is of the first centres.
     """
     from scipy.cluster.vq import kmeans2
 

@@ -105,9 +105,7 @@ def scaled_filters(filters: int, width: float) -> int:
 def yolov3_layers(classes: int, width: float = 1.0) -> list[Layer]:
     """The 107 layers of [YOLOv3] in Darknet's order, so that a layer's index is Darknet's.
 
-    Args:
-        classes: number of classes, at least one.
-        width: factor on every hidden layer's filters; 1.0 is the published network.
+    `width` is a factor on every hidden layer's filters; 1.0 is the published network.
     """
     if classes < 1 or width <= 0.0:
         raise ValueError(f"yolov3_layers wants classes ≥ 1 and width > 0, got {classes} and {width}")

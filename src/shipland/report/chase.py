@@ -31,12 +31,8 @@ def chase_camera(camera: Camera) -> Camera:
 def chase_state(truth: GroundTruth, scale: float = 1.0, full_ship: bool = False) -> SceneState:
     """The scene as seen from astern, to the right and above the aircraft, at least half a metre above the sea.
 
-    Args:
-        truth: of a moment.
-        scale: of the aircraft; the view stands as many times farther away.
-        full_ship: the hull moves with the deck.
-
-    The view keeps the ship's heading and is aimed between the aircraft and the deck, so it is steady by itself.
+    The view stands as many times farther away as the aircraft is larger, `scale`; on a `full_ship` the hull moves with
+    the deck. It keeps the ship's heading and is aimed between the aircraft and the deck, so it is steady by itself.
     """
     level = truth.ned_from_ship.rotation  # the ship frame turns with the course only
     aircraft_m = truth.ned_from_body.translation_m

@@ -67,15 +67,8 @@ def write_dataset(
 ) -> list[str]:
     """Write what there is: landings.csv of a campaign, logs.zip, croissant.json; a .parquet beside where pyarrow is.
 
-    Args:
-        folder: of a campaign, or of flights' logs.
-        out: made when it does not exist.
-        described: for the card.
-        lerobot: the logs in LeRobot's layout too, in folder lerobot.
-        pictures: those of the logs too, with their cameras' poses: pictures.csv, pictures.zip.
-
-    Returns:
-        The names of files and folders.
+    With `lerobot` the logs in LeRobot's layout too, in folder lerobot; with `pictures` those of the logs, with their
+    cameras' poses: pictures.csv, pictures.zip. Returns the names of files and folders.
 
     Raises:
         DataError: the folder holds no flights, or no logs, or no pictures, where these are asked for.
