@@ -51,6 +51,11 @@ class LiveView(AbstractContextManager["LiveView"]):
         """What a viewer opens."""
         return f"ws://127.0.0.1:{self._server.port}"
 
+    @property
+    def left_out(self) -> int:
+        """Cycles that were not shown."""
+        return self._aside.lost
+
     def wait(self, timeout_s: float) -> bool:
         """Wait until somebody looks; whether one does."""
         return self._listener.came.wait(timeout_s)
