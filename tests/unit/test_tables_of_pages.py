@@ -26,7 +26,7 @@ UNMEASURED = frozenset(
     """
     speed_peers
     frigate_recall
-    measurements faults full
+    faults full
     frigate wake headline far_rendered frigate_rendered policies envelope
     """.split()  # noqa: SIM905
 )
