@@ -60,6 +60,7 @@ class Flight:
         self.t_s, self.tilt_mps2 = 100.0, -self.wind_mps2
         self.ship_mps = np.zeros(3)
         self.seen, self.override, self.gimbal_off_rad = True, None, 0.0
+        self.seen_off_m = np.zeros(3)
         self.late = [(self.t_s, self.place_m.copy())] * 6
         self.decisions = []
 
@@ -75,7 +76,7 @@ class Flight:
                 telemetry = self.tell(telemetry)
             self.late = [*self.late[1:], (self.t_s, self.place_m.copy())]
             exposed_s, place_m = self.late[0]
-            pose = BarPose(place_m, 0.0, 1e-4 * np.eye(4), 0.1, np.zeros((8, 2))) if self.seen else None
+            pose = BarPose(place_m + self.seen_off_m, 0.0, 1e-4 * np.eye(4), 0.1, np.zeros((8, 2))) if self.seen else None
             command = replace(PilotCommand(self.t_s, 0.0, 0.0, 0.0, 0.0, 0.0), **asked)
             decision = Decision(command, Mode.LAND, "asked")
             observation = Observation(exposed_s, GimbalAttitude(0.0, 0.0), pose)
@@ -101,6 +102,10 @@ class Flight:
         self.velocity_mps[:2] += STEP_S * (self.tilt_mps2 + self.wind_mps2)
         self.velocity_mps[2] += STEP_S / 0.3 * (down_mps - self.velocity_mps[2])
         self.place_m += STEP_S * (self.velocity_mps - self.ship_mps)
+
+    @property
+    def safety_flies(self):
+        return self.decisions[-1].mode is Mode.GO_AROUND
 
     @property
     def said(self):
@@ -194,6 +199,15 @@ def test_who_comes_near_on_boxes_alone_goes_around_unless_no_pose_was_ever_seen(
     checked = flight.safety.check(decision, bar, telemetry)
     assert ("no pose for" in checked.reason) == posed
     assert (checked.command.heave_percent > 0.0) == posed
+
+
+@pytest.mark.parametrize(("ahead_m", "goes_around"), [(-9.0, True), (-20.0, False)])
+def test_poses_that_leap_by_a_third_of_the_way_to_the_bar_are_not_waited_for(ahead_m, goes_around):
+    flight = Flight((ahead_m, 0.0, -1.0)).fly(1.5, {"pitch_percent": 10.0})
+    flight.seen_off_m[0] = -3.0
+    flight.fly(1.0, {"pitch_percent": 10.0})
+    assert flight.safety_flies is goes_around
+    assert ("poses leap by 3" in flight.said) is goes_around
 
 
 def test_a_ships_way_is_no_contradiction():

@@ -237,7 +237,7 @@ def poses_leap(look: Look) -> Finding | None:
     leap_m, place_m = look.estimate.leap_m, look.place_m
     if leap_m <= 0.0:
         return None
-    near = place_m is not None and -place_m[0] < look.limits.near_m
+    near = place_m is not None and -place_m[0] < max(look.limits.near_m, _ROOM_PER_LEAP * leap_m)
     return Finding(Action.GO_AROUND if near else Action.NO_GO, f"poses leap by {leap_m:.1f} m")
 
 
@@ -330,6 +330,8 @@ def findings(look: Look) -> list[Finding]:
     return sorted(found, key=lambda finding: -finding.action)
 
 
+_ROOM_PER_LEAP = 4.0
+"""Of room to the bar; nearer, poses that leap are not waited for: whichever of the two places is the true one."""
 _CONTRADICTIONS = 3
 """Of bar and gimbal, within the seconds that the estimate remembers them; without a fault there is none."""
 _POSED_S = 15.0
