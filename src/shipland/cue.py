@@ -115,11 +115,13 @@ class Cue:
         manufacturing_tolerance: root-mean-square error of the corners against the stated dimensions, as a share of the
             cue's diagonal.
         hue: of its light; None for that of `[vision]`.
+        status_light_m: side of the square status light about its origin; 0 for none.
     """
 
     polygon: tuple[Polygon, ...]
     manufacturing_tolerance: float = field(default=RIG_TOLERANCE, compare=False)
     hue: Hue | None = field(default=None, compare=False)
+    status_light_m: float = field(default=0.0, compare=False)
 
     def __post_init__(self) -> None:
         require(
@@ -142,6 +144,12 @@ class Cue:
     def plane_m(self) -> Array:
         """(n,k,2) corners (right, down) of the polygons [m]."""
         return np.array([polygon.corners_m for polygon in self.polygon], dtype=float)
+
+    @property
+    def status_light_in_bar_m(self) -> Array:
+        """(4,3) corners of the status light in `bar` [m]."""
+        corners_m = Polygon.rectangle((0.0, 0.0), self.status_light_m, self.status_light_m).corners_m
+        return np.array([(0.0, *corner_m) for corner_m in corners_m])
 
     @property
     def count(self) -> int:
@@ -188,7 +196,7 @@ class Cue:
         rig = table.get("rig", {})
         if not isinstance(rig, dict):
             raise ConfigError(f"{path}: expected a section [rig]")
-        names = {"polygon", "manufacturing_tolerance", "hue"}
+        names = {"polygon", "manufacturing_tolerance", "hue", "status_light_m"}
         told = {key: value for key, value in rig.items() if key in names or FORMER.get(key) in names}
         if "polygon" not in rig and len(told) < len(rig):
             told = rig  # a key misspelt

@@ -317,7 +317,7 @@ class GeometricVision:
         self._parameters = parameters
         self._least_facing = math.cos(math.radians(near.max_obliquity_deg))
         self._rng = rng
-        self._tolerance = cue.manufacturing_tolerance
+        self._tolerance, self._status_light = cue.manufacturing_tolerance, cue.status_light_m > 0.0
         self._plane_m = np.ascontiguousarray(cue.points_in_bar_m[:, 1:])
         border_px = parameters.border_px
         self._last: tuple[float, Pose] | None = None
@@ -359,7 +359,8 @@ class GeometricVision:
         if refused:
             return Observation(frame.t_s, frame.gimbal, reason=refused)
         self._last = frame.t_s, solutions[0].camera_from_plane
-        return Observation(frame.t_s, frame.gimbal, bar_pose=bar_pose)
+        waves_off = self._status_light and truth.waves_off
+        return Observation(frame.t_s, frame.gimbal, bar_pose=bar_pose, waves_off=waves_off)
 
     def _solved(
         self, rotation: Array, sight_m: Array, measured: CornerMeasurement, last: Pose | None

@@ -185,6 +185,7 @@ class Observation:
         deck: the deck, of a picture that looks down on it; nothing else is looked for there.
         gimbal_off_rad: angle of the bar's vertical to the gimbal's, where they contradict each other and the pose was
             refused; else 0.
+        waves_off: the ship's status light was seen red.
     """
 
     t_s: float
@@ -196,6 +197,7 @@ class Observation:
     learned: bool = False
     deck: DeckSight | None = None
     gimbal_off_rad: float = 0.0
+    waves_off: bool = False
 
 
 class Intent(enum.Enum):
@@ -330,6 +332,7 @@ class GroundTruth:
         ned_from_bar: the bar (level).
         ned_from_camera: optical centre, OpenCV axes.
         wind_in_ned_mps: (3,) air velocity at the aircraft.
+        waves_off: the ship's status light shines red.
     """
 
     t_s: float
@@ -340,6 +343,7 @@ class GroundTruth:
     ned_from_bar: Pose
     ned_from_camera: Pose
     wind_in_ned_mps: Array
+    waves_off: bool = False
 
     def __post_init__(self) -> None:
         _check_shape("GroundTruth", "velocity_in_ned_mps", self.velocity_in_ned_mps, (3,))

@@ -112,6 +112,12 @@ class Rig:
     )
     manufacturing_tolerance: float = key(RIG_TOLERANCE, "how exactly the cue is made, as in `Cue`")
     hue: Hue | None = key(None, "of the cue's light, as in `Cue`; without one that of `[vision]`")
+    status_light_m: float = key(
+        0.0,
+        "side of the square red light in the bar's centre that flashes while the ship waves off (`ship.waves_off_s`)",
+        "0 for none",
+        ge=0,
+    )
     landing_area: Literal["square", "circle"] = key("square", "what a touchdown must lie in")
     hull: Literal["platform", "frigate"] = key(
         "platform", "a platform with a motion base, or a ship whose flight deck is part of the hull"
@@ -126,6 +132,10 @@ class Rig:
             "polygon: a scenario draws convex polygons of four corners; `shipland see` takes others",
         )
         require(self.landing_square_m <= self.deck_size_m, "landing_square_m must fit on the deck")
+        require(
+            bool(self.polygon) or self.status_light_m < self.rectangle_gap_m,
+            "status_light_m must fit between the two rectangles",
+        )
         require(self.bar_ahead_of_stern_m > self.deck_ahead_of_stern_m, "the bar must be ahead of the deck")
 
     def in_landing_area(self, forward_m: float, starboard_m: float) -> bool:
@@ -136,13 +146,13 @@ class Rig:
     def cue(self) -> Cue:
         """The cue: the rig's own polygons where it has some, else the two rectangles."""
         if self.polygon:
-            return Cue(self.polygon, self.manufacturing_tolerance, self.hue)
+            return Cue(self.polygon, self.manufacturing_tolerance, self.hue, self.status_light_m)
         offset = 0.5 * (self.rectangle_gap_m + self.rectangle_width_m)
         rectangles = tuple(
             Polygon.rectangle((side * offset, 0.0), self.rectangle_width_m, self.rectangle_height_m)
             for side in (-1.0, 1.0)
         )
-        return Cue(rectangles, self.manufacturing_tolerance, self.hue)
+        return Cue(rectangles, self.manufacturing_tolerance, self.hue, self.status_light_m)
 
     @cached_property
     def board_size_m(self) -> tuple[float, float]:

@@ -84,6 +84,7 @@ def sound_observation(given: object) -> Observation:
         bool(_of(seen.learned, (bool, np.bool_), "learned")),
         _deck(seen.deck),
         _number(seen.gimbal_off_rad, "gimbal_off_rad"),
+        bool(_of(seen.waves_off, (bool, np.bool_), "waves_off")),
     )
 
 

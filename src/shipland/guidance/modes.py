@@ -13,6 +13,10 @@ from shipland.guidance.parameters import ApproachParameters, ModeParameters
 from shipland.messages import Intent, Mode, Observation, PilotCommand
 
 
+WAVE_OFF_S = 1.5
+"""After a red status light, which flashes twice a second, no landing begins or goes on for so long."""
+
+
 class Situation(NamedTuple):
     """Input of the mode function, besides its memory.
 
@@ -65,6 +69,7 @@ class ModeMemory(NamedTuple):
     ship: Evidence = Evidence()
     condition_since_s: float | None = None
     tries: int = 0
+    waved_off_s: float = -math.inf
 
 
 _SOURCES = ((Mode.APPROACH, "corners"), (Mode.TRACK_BAR, "bar"), (Mode.TRACK_SHIP, "ship"))
@@ -75,13 +80,15 @@ _RANK = {Mode.APPROACH: 3, Mode.TRACK_BAR: 2, Mode.TRACK_SHIP: 1}
 def next_mode(situation: Situation, memory: ModeMemory, parameters: ModeParameters) -> ModeMemory:
     """The mode for this cycle, with the reason for the last change in words."""
     now_s, seen = situation.now_s, situation.observation
-    held = situation.landing_condition == ""
+    waved_off_s = now_s if seen.waves_off else memory.waved_off_s
+    held = situation.landing_condition == "" and now_s - waved_off_s > WAVE_OFF_S
     since_s = memory.condition_since_s if memory.condition_since_s is not None else now_s
     memory = memory._replace(
         corners=memory.corners.update(seen.bar_pose is not None or seen.deck is not None, now_s, parameters.lost_s),
         bar=memory.bar.update(seen.bar_box is not None, now_s, parameters.lost_box_s),
         ship=memory.ship.update(seen.ship_box is not None, now_s, parameters.lost_box_s),
         condition_since_s=since_s if held else None,
+        waved_off_s=waved_off_s,
     )
     wanted, reason = _wanted(situation, memory, parameters)
     urgent = (
@@ -101,6 +108,8 @@ def _wanted(situation: Situation, memory: ModeMemory, parameters: ModeParameters
         return Mode.DONE, "the vehicle reports landed"
     if mode is Mode.GO_AROUND and (not situation.clear or memory.tries > parameters.max_tries):
         return Mode.GO_AROUND, memory.reason
+    if mode is Mode.LAND and not situation.committed and now_s - memory.waved_off_s <= WAVE_OFF_S:
+        return Mode.GO_AROUND, "waved off by the ship's red light"
     if mode is Mode.LAND and situation.overruled:
         return Mode.GO_AROUND, "the safety has broken the landing off"
     if mode is Mode.LAND and situation.abort_reason and not situation.committed:

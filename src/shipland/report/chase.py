@@ -51,6 +51,7 @@ def chase_state(truth: GroundTruth, scale: float = 1.0, full_ship: bool = False)
         ned_from_body=truth.ned_from_body,
         camera_velocity_in_ned_mps=zero,
         camera_rate_in_camera_rad_s=zero,
+        waves_off=truth.waves_off,
     )
 
 

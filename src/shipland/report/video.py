@@ -102,6 +102,7 @@ def between(before: GroundTruth, after: GroundTruth, t_s: float) -> GroundTruth:
         ned_from_bar=pose(before.ned_from_bar, after.ned_from_bar),
         ned_from_camera=pose(before.ned_from_camera, after.ned_from_camera),
         wind_in_ned_mps=before.wind_in_ned_mps + share * (after.wind_in_ned_mps - before.wind_in_ned_mps),
+        waves_off=before.waves_off,
     )
 
 

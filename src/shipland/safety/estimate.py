@@ -95,6 +95,7 @@ class SafetyEstimate(NamedTuple):
         leap_m: by which the newest pose contradicts the way from those before; 0 for one that does not.
         leapt_s: exposure since which poses do so, and are not flown on; None while they do not.
         deck_down_m: of the neutral deck below the bar.
+        waved_off_s: exposure of the newest picture in which the ship's status light is red.
         contradicted_s: exposures of the last `_CONTRADICTED_S` whose bar contradicts the gimbal.
     """
 
@@ -127,6 +128,7 @@ class SafetyEstimate(NamedTuple):
     leap_m: float = 0.0
     leapt_s: float | None = None
     deck_down_m: float = 0.0
+    waved_off_s: float = -math.inf
     contradicted_s: tuple[float, ...] = ()
 
     def place_at(self, t_s: float, stale_s: float) -> Place | None:
@@ -230,6 +232,8 @@ class SafetyEstimator:
             *(_UNTOLD if told_mps is None else told_mps.tolist()),
         )
         _take_telemetry(records, self._ways, self._sights, times_s, told)
+        if observation.waves_off:
+            records["waved_off_s"] = t_s
         pose, deck, bar, ship = observation.bar_pose, observation.deck, observation.bar_box, observation.ship_box
         if pose is not None and all_finite(pose.position_in_bar_m) and math.isfinite(pose.yaw_rad):
             seen = (*pose.position_in_bar_m.tolist(), pose.yaw_rad)

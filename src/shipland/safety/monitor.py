@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from shipland.config import key, parameters, scaled
 from shipland.frames import GRAVITY_MPS2, Array, turned
+from shipland.guidance.modes import WAVE_OFF_S
 from shipland.guidance.response import Response
 from shipland.messages import Intent, PilotCommand, Telemetry
 from shipland.rig import Rig
@@ -303,6 +304,13 @@ def telemetry_old(look: Look) -> Finding | None:
     return None
 
 
+def waved_off(look: Look) -> Finding | None:
+    """The ship's status light is red: a landing is broken off at any height."""
+    if not look.landing or look.t_s - look.estimate.waved_off_s > WAVE_OFF_S:
+        return None
+    return Finding(Action.GO_AROUND, "waved off by the ship's red light")
+
+
 def vehicle_complains(look: Look) -> Finding | None:
     """The vehicle itself says that it is not well."""
     return Finding(Action.NO_GO, f"the vehicle says: {look.telemetry.alerts}") if look.telemetry.alerts else None
@@ -319,6 +327,7 @@ RULES: tuple[Rule, ...] = (
     velocity_contradicts,
     height_contradicts,
     telemetry_old,
+    waved_off,
     vehicle_complains,
 )
 """All of them; order says nothing."""

@@ -100,5 +100,5 @@ class _SceneFromTruth:
         still = np.zeros(3)
         return SceneState(
             t_s, truth.ned_from_camera, truth.ned_from_ship, truth.ned_from_deck, truth.ned_from_bar,
-            truth.ned_from_body, still, still,
+            truth.ned_from_body, still, still, truth.waves_off,
         )  # fmt: skip

@@ -58,7 +58,7 @@ class SceneParameters:
     """What the picture looks like (`[scene]` in TOML); a strength of zero costs nothing."""
 
     sun_azimuth_deg: float = key(215.0, "towards the sun, clockwise from north", "behind the approach and to its left")
-    sun_elevation_deg: float = key(38.0, "of the sun above the horizon", ge=-12, le=90)
+    sun_elevation_deg: float = key(38.0, "of the sun above the horizon; from -18 down it is night", ge=-90, le=90)
     visibility_m: float = key(
         40000.0, "distance at which 5 % of contrast is left (meteorological optical range)", "clear day", ge=5
     )

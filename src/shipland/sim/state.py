@@ -94,6 +94,7 @@ def truth_of(at: Snapshot, ship: ShipState, camera: CameraParameters) -> GroundT
         ned_from_bar=ship.ned_from_bar,
         ned_from_camera=ned_from_camera,
         wind_in_ned_mps=np.array(at.wind_mps),
+        waves_off=ship.waves_off,
     )
 
 
@@ -115,6 +116,7 @@ def scene_of(at: Snapshot, ship: ShipState, camera: CameraParameters) -> SceneSt
         ned_from_body=ned_from_body,
         camera_velocity_in_ned_mps=np.array(at.velocity_mps) + np.cross(turn_in_ned, arm_m),
         camera_rate_in_camera_rad_s=level_from_camera(at.true_gimbal).T @ turn_in_level,
+        waves_off=ship.waves_off,
     )
 
 
@@ -131,6 +133,7 @@ class SceneState:
         ned_from_body: the aircraft (drawn in the chase view only).
         camera_velocity_in_ned_mps: (3,) for motion blur.
         camera_rate_in_camera_rad_s: (3,) for motion blur.
+        waves_off: the status light shines red.
     """
 
     t_s: float
@@ -141,6 +144,7 @@ class SceneState:
     ned_from_body: Pose
     camera_velocity_in_ned_mps: Array
     camera_rate_in_camera_rad_s: Array
+    waves_off: bool = False
 
 
 NearestBox = tuple[float, float, float, float]

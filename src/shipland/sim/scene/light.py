@@ -15,6 +15,10 @@ KOSCHMIEDER_CONTRAST = 0.05
 
 _REFERENCE_BRIGHTNESS, _REFERENCE_EXPOSURE = 0.84, 1.25
 """Clear day, sun at 38°: what the exposure is set by."""
+_DUSK_DEG, _NIGHT_DEG, _NIGHT = -8.0, -18.0, 3e-4
+"""The sky's light falls to this share from the end of dusk to a night without a moon, which a camera sees as black."""
+_DARKEST = 3.3e-3
+"""Brightness below which the camera amplifies no further, after six stops at the default `auto_exposure`."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +90,8 @@ def light(parameters: SceneParameters) -> Light:
 
     day, low = _smooth(4.0, 30.0, degrees), _smooth(-9.0, 10.0, degrees)
     level = 0.035 + 0.965 * _smooth(-8.0, 22.0, degrees) ** 1.4
+    if degrees < _DUSK_DEG:
+        level *= _NIGHT ** min((_DUSK_DEG - degrees) / (_DUSK_DEG - _NIGHT_DEG), 1.0)
     zenith = day * np.array([0.042, 0.095, 0.215]) + (1.0 - day) * np.array([0.07, 0.11, 0.22])
     horizon = day * np.array([0.25, 0.33, 0.42]) + (1.0 - day) * (
         low * np.array([0.36, 0.32, 0.31]) + (1.0 - low) * np.array([0.21, 0.21, 0.28])
@@ -98,7 +104,7 @@ def light(parameters: SceneParameters) -> Light:
     downwelling = beam * max(float(np.sin(elevation)), 0.0) + 0.5 * (zenith + horizon)
     water = np.array([0.010, 0.045, 0.062]) * downwelling
     brightness = float(np.dot([0.25, 0.65, 0.10], downwelling))
-    amplified = (_REFERENCE_BRIGHTNESS / max(brightness, 1e-4)) ** parameters.auto_exposure
+    amplified = (_REFERENCE_BRIGHTNESS / max(brightness, _DARKEST)) ** parameters.auto_exposure
     exposure = _REFERENCE_EXPOSURE * amplified * 2.0**parameters.exposure_ev
     return Light(
         sun,

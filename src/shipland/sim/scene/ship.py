@@ -23,7 +23,7 @@ _PAINT_UNIT = gl.PAINT_UNIT
 _HIGHEST_WAVE_M = 0.85
 """Highest wave and wash at the hull, as `solid.frag` cuts them off."""
 _CLIP_DISTANCE_0 = 0x3000
-_LAMP_RGB = np.array([0.01, 1.0, 0.03])
+_LAMP_RGB, _STATUS_RGB = np.array([0.01, 1.0, 0.03]), np.array([1.0, 0.01, 0.02])
 _FORMAT = "3f 3f 2f 4f 1f"
 _NAMES = ("in_position", "in_normal", "in_uv", "in_paint", "in_open")
 
@@ -68,11 +68,14 @@ class ShipLayer:
         self._aircraft_bounds = mesh.scaled(mesh.AIRCRAFT, aircraft_scale)
         self._aircraft_shade = mesh.scaled(mesh.AIRCRAFT_SHADE, aircraft_scale)
         self._quads_m = rig.cue.points_in_bar_m[:, 1:].reshape(-1, 4, 2)
+        self._status_m = rig.cue.status_light_in_bar_m[None, :, 1:] if rig.status_light_m > 0.0 else None
+        self._status_rgb = lamp * _STATUS_RGB
         self._solids: dict[tuple[int, bool], moderngl.Program] = {}
         self._paints = gl.mipmapped(context, paints(rng, rig), layers=True)
         self._paints.use(_PAINT_UNIT)
         fragment = ("paint.glsl", "board.frag")
-        self._face_program = gl.program(context, "solid.vert", fragment, QUADS=len(self._quads_m), SHADOWS=0, WATER=0)
+        defines = {"QUADS": len(self._quads_m), "STATUS": int(self._status_m is not None), "SHADOWS": 0, "WATER": 0}
+        self._face_program = gl.program(context, "solid.vert", fragment, **defines)
         self._face_program["paints"] = _PAINT_UNIT
         self._face_program["lamp_rgb"] = tuple(lamp * _LAMP_RGB)
         self._flat_program = gl.program(context, "solid.vert", ("identity.frag",), SHADOWS=0, WATER=0)
@@ -151,14 +154,19 @@ class ShipLayer:
         return placed
 
     def aim(self, camera: Camera, state: SceneState, *, mirrored: bool = False) -> None:
-        """Set the cue's edge lines for a camera; `mirrored` for the cue's image in a flat sea."""
+        """Set cue's and status light's edge lines for a camera; `mirrored` for their image in a flat sea."""
         plane = state.ned_from_bar.rotation[:, 1:], state.ned_from_bar.translation_m[:, None]
         ned_from_plane = np.column_stack(plane)
         if mirrored:
             ned_from_plane[2] *= -1.0
         ned_from_plane[:, 2] -= state.ned_from_camera.translation_m
-        lines = edge_lines(camera, state.ned_from_camera.rotation.T @ ned_from_plane, self._quads_m)
-        gl.write_uniform(self._face_program, "edge_lines", lines)
+        camera_from_plane = state.ned_from_camera.rotation.T @ ned_from_plane
+        gl.write_uniform(self._face_program, "edge_lines", edge_lines(camera, camera_from_plane, self._quads_m))
+        if self._status_m is not None:
+            gl.write_uniform(
+                self._face_program, "status_lines", edge_lines(camera, camera_from_plane, self._status_m)
+            )
+            self._face_program["status_rgb"] = tuple(float(state.waves_off) * self._status_rgb)
 
     def draw(self, placed: list[Placed], eye: Pose, *, mirrored: bool = False) -> None:
         """Draw into the bound target; `mirrored` when the block's view is."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -46,12 +47,14 @@ class ShipState:
         deck: the deck in `ship`.
         rig: dimensions.
         full_ship: the superstructure and the bar have the ship's motions too.
+        waves_off: the status light shines red.
     """
 
     course: CourseState
     deck: SixDof
     rig: Rig
     full_ship: bool
+    waves_off: bool = False
 
     @property
     def place(self) -> ShipPlace:
@@ -134,16 +137,24 @@ class Ship:
         deck_motion: motion of `deck` in `ship`.
         full_ship: see `ShipState`.
         start_s: how far into its motion the deck is at time zero; for the record.
+        waves_off_s: from and to, when the status light flashes.
     """
 
     def __init__(
-        self, rig: Rig, course: Course, deck_motion: DeckMotion, full_ship: bool = False, start_s: float = 0.0
+        self,
+        rig: Rig,
+        course: Course,
+        deck_motion: DeckMotion,
+        full_ship: bool = False,
+        start_s: float = 0.0,
+        waves_off_s: Sequence[tuple[float, float]] = (),
     ) -> None:
         self.rig = rig
         self.course = course
         self.deck_motion = deck_motion
         self.full_ship = full_ship
         self.start_s = start_s
+        self._waves_off_s = waves_off_s
 
     @property
     def limit_bites(self) -> tuple[LimitBite, ...]:
@@ -152,7 +163,13 @@ class Ship:
 
     def at(self, t_s: float) -> ShipState:
         """The ship at time `t_s` [s]."""
-        return ShipState(self.course.at(t_s), self.deck_motion.at(t_s), self.rig, self.full_ship)
+        flashes = bool(self._waves_off_s) and t_s % _FLASH_S < 0.5 * _FLASH_S
+        waves_off = flashes and any(begin_s <= t_s < end_s for begin_s, end_s in self._waves_off_s)
+        return ShipState(self.course.at(t_s), self.deck_motion.at(t_s), self.rig, self.full_ship, waves_off)
+
+
+_FLASH_S = 0.5
+"""The status light flashes 120 times a minute, half of the time [IMO MODU Code 2009, 13.5.26]."""
 
 
 @parameters
@@ -196,6 +213,9 @@ class ShipParameters:
     full_ship: bool = key(
         False, "superstructure and bar have the ship's motions too", "chosen: [Lee2022] moves the deck alone"
     )
+    waves_off_s: tuple[tuple[float, float], ...] = key(
+        (), "from and to, when the status light of `[rig]` flashes red: no landing"
+    )
     course: CourseParameters = key(CourseParameters(), "where the ship goes")
     natops: SinusoidParameters = key(
         SinusoidParameters(
@@ -217,6 +237,8 @@ class ShipParameters:
     def __post_init__(self) -> None:
         missing = self.motion == "recorded" and not self.recorded.path
         require(not missing, 'motion = "recorded" needs recorded.path, a CSV file')
+        ordered = all(begin_s < end_s for begin_s, end_s in self.waves_off_s)
+        require(ordered, "waves_off_s must be pairs of times, from and to")
 
 
 SAME_MOTION_SEED = 1
@@ -238,7 +260,7 @@ def build_ship(parameters: ShipParameters, rig: Rig, rng: np.random.Generator) -
         motion = build_deck_motion(parameters, rng)
     if parameters.limits.enabled and not parameters.full_ship and parameters.motion != "still":
         motion = LimitedMotion(motion, rig_limits(rig), parameters.limits.knee)
-    return Ship(rig, course, motion, parameters.full_ship, start_s)
+    return Ship(rig, course, motion, parameters.full_ship, start_s, parameters.waves_off_s)
 
 
 def build_deck_motion(parameters: ShipParameters, rng: np.random.Generator) -> DeckMotion:

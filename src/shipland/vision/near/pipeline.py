@@ -25,6 +25,7 @@ from shipland.vision.near.planar_pose import LevelPrior
 from shipland.vision.near.pose import Known, PoseCandidate, Setup, solve_pose
 from shipland.vision.near.regions import find_regions
 from shipland.vision.near.segment import Image, QuadsOf, RegionsOf, Window, find_quads, joined_quads, segment
+from shipland.vision.near.status_light import is_red
 from shipland.vision.near.still import Still
 from shipland.vision.near.strokes import measure_strokes, stroke_polygons
 from shipland.vision.near.track import Track
@@ -77,6 +78,7 @@ class NearVision:
         fuse: bool = False,
     ) -> None:
         self._setup, self._steps, self._fuse = Setup.of(cue, camera, parameters), steps or Steps(), fuse
+        self._status_light_m = cue.status_light_m
         self._track: Track | None = None
         self._still: Still | None = None
 
@@ -95,7 +97,10 @@ class NearVision:
             return Observation(frame.t_s, frame.gimbal, reason=found.value)
         if found.level_off_rad > 0.0:
             return gimbal_off(frame, found.level_off_rad)
-        return Observation(frame.t_s, frame.gimbal, bar_pose=found.bar_pose)
+        waves_off, side_m = False, self._status_light_m
+        if side_m > 0.0 and frame.image is not None:
+            waves_off = is_red(frame.image, self._setup.camera, found.camera_from_plane, side_m)
+        return Observation(frame.t_s, frame.gimbal, bar_pose=found.bar_pose, waves_off=waves_off)
 
     def _find(self, frame: Frame) -> PoseCandidate | Refusal:
         setup, image, t_s = self._setup, frame.image, frame.t_s
