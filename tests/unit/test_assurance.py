@@ -60,7 +60,7 @@ class Flight:
         self.t_s, self.tilt_mps2 = 100.0, -self.wind_mps2
         self.ship_mps = np.zeros(3)
         self.seen, self.override, self.gimbal_off_rad = True, None, 0.0
-        self.seen_off_m = np.zeros(3)
+        self.seen_off_m, self.waves_off = np.zeros(3), False
         self.late = [(self.t_s, self.place_m.copy())] * 6
         self.decisions = []
 
@@ -76,10 +76,12 @@ class Flight:
                 telemetry = self.tell(telemetry)
             self.late = [*self.late[1:], (self.t_s, self.place_m.copy())]
             exposed_s, place_m = self.late[0]
-            pose = BarPose(place_m + self.seen_off_m, 0.0, 1e-4 * np.eye(4), 0.1, np.zeros((8, 2))) if self.seen else None
+            pose = (
+                BarPose(place_m + self.seen_off_m, 0.0, 1e-4 * np.eye(4), 0.1, np.zeros((8, 2))) if self.seen else None
+            )
             command = replace(PilotCommand(self.t_s, 0.0, 0.0, 0.0, 0.0, 0.0), **asked)
             decision = Decision(command, Mode.LAND, "asked")
-            observation = Observation(exposed_s, GimbalAttitude(0.0, 0.0), pose)
+            observation = Observation(exposed_s, GimbalAttitude(0.0, 0.0), pose, waves_off=self.waves_off)
             if self.gimbal_off_rad > 0.0:
                 observation = replace(observation, bar_pose=None, gimbal_off_rad=self.gimbal_off_rad)
             decision = self.safety.check(decision, observation, telemetry, self.override)
@@ -233,6 +235,15 @@ def test_what_the_vehicle_complains_of_is_not_landed_with():
     assert "safety" not in flight.said
     flight.fly(0.5, LANDING)
     assert "the vehicle says: estimator unhealthy" in flight.said
+
+
+@pytest.mark.parametrize("over_deck_m", [1.2, 0.3])
+def test_a_ship_that_waves_off_is_obeyed_at_any_height_and_flown_near_meanwhile(over_deck_m):
+    flight = Flight(over_deck(over_deck_m)).fly(1.0, {})
+    flight.waves_off = True
+    assert flight.fly(0.5, {}).said == "asked"
+    assert "waved off" in flight.fly(0.3, LANDING).said
+    assert flight.decisions[-1].command.heave_percent > 0.0
 
 
 def test_a_landing_beside_the_deck_is_broken_off_while_that_helps():

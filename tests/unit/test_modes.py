@@ -16,7 +16,7 @@ BOX = Box((640.0, 360.0), (30.0, 20.0), 0.9)
 STEP_S = 1.0 / 30.0
 
 
-def situation(now_s, pose=False, bar=False, ship=False, **changes):
+def situation(now_s, pose=False, bar=False, ship=False, red=False, **changes):
     seen = Observation(
         now_s,
         GimbalAttitude(0.0, 0.0),
@@ -24,6 +24,7 @@ def situation(now_s, pose=False, bar=False, ship=False, **changes):
         BOX if bar else None,
         BOX if ship else None,
         "" if pose else "no green in the picture",
+        waves_off=red,
     )
     return Situation(now_s, seen, "far from it", False, "", False, False, True)._replace(**changes)
 
@@ -47,6 +48,18 @@ def test_better_evidence_leads_up():
     assert memory.mode is Mode.LAND
     memory, now_s = run(memory, now_s, 0.1, pose=True, flying=False)
     assert memory.mode is Mode.DONE
+
+
+def test_a_red_light_keeps_a_landing_from_beginning_and_breaks_one_off_above_commit_height():
+    memory, now_s = run(ModeMemory(), 0.0, 3.0, pose=True, red=True, landing_condition="")
+    assert memory.mode is Mode.APPROACH
+    memory, now_s = run(memory, now_s, 1.0, pose=True, landing_condition="")
+    assert memory.mode is Mode.APPROACH
+    memory, now_s = run(memory, now_s, 2.0, pose=True, landing_condition="")
+    assert memory.mode is Mode.LAND
+    assert run(memory, now_s, 0.1, pose=True, red=True, committed=True)[0].mode is Mode.LAND
+    memory, now_s = run(memory, now_s, 0.1, pose=True, red=True)
+    assert (memory.mode, memory.reason) == (Mode.GO_AROUND, "waved off by the ship's red light")
 
 
 def test_a_glimpse_is_not_enough():

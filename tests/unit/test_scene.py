@@ -332,6 +332,22 @@ def test_bar_stays_in_the_gate_at_dusk() -> None:
         assert cv2.inRange(hsv[row : row + 1, column : column + 1], (35, 70, 90), (85, 255, 255))[0, 0] == 255
 
 
+@pytest.mark.parametrize("elevation_deg", [38.0, -20.0])
+def test_the_status_light_shines_red_while_the_ship_waves_off_by_day_and_by_night(elevation_deg: float) -> None:
+    parameters = dataclasses.replace(PARAMETERS, sun_elevation_deg=elevation_deg)
+    scene = Scene(dataclasses.replace(RIG, status_light_m=0.12), parameters, np.random.default_rng(1))
+    state = look((-6.0, 0.3, -0.2))
+    column, row = np.rint(in_picture(state, CAMERA, np.zeros((1, 3)))[0]).astype(int)
+    green_px = np.rint(in_picture(state, CAMERA, QUADS[0].mean(axis=0)[None])[0]).astype(int)
+    for waves_off in (True, False):
+        image = scene.render(dataclasses.replace(state, waves_off=waves_off), CAMERA)
+        blue, green, red = (int(value) for value in image[row, column])
+        assert (red > 180 and max(blue, green) < 60) if waves_off else max(red, blue, green) < 90
+        assert image[green_px[1], green_px[0], 1] > 180
+        assert elevation_deg > 0.0 or np.median(image) < 5.0
+    scene.close()
+
+
 @pytest.mark.parametrize("range_m", [3.0, 12.0, 60.0, 250.0])
 def test_labels_are_tight(scene: Scene, range_m: float) -> None:
     state = look((-range_m, 0.0, -0.02 * range_m), 2.0)

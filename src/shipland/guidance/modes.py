@@ -12,7 +12,6 @@ from typing import NamedTuple
 from shipland.guidance.parameters import ApproachParameters, ModeParameters
 from shipland.messages import Intent, Mode, Observation, PilotCommand
 
-
 WAVE_OFF_S = 1.5
 """After a red status light, which flashes twice a second, no landing begins or goes on for so long."""
 

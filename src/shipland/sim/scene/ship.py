@@ -163,9 +163,7 @@ class ShipLayer:
         camera_from_plane = state.ned_from_camera.rotation.T @ ned_from_plane
         gl.write_uniform(self._face_program, "edge_lines", edge_lines(camera, camera_from_plane, self._quads_m))
         if self._status_m is not None:
-            gl.write_uniform(
-                self._face_program, "status_lines", edge_lines(camera, camera_from_plane, self._status_m)
-            )
+            gl.write_uniform(self._face_program, "status_lines", edge_lines(camera, camera_from_plane, self._status_m))
             self._face_program["status_rgb"] = tuple(float(state.waves_off) * self._status_rgb)
 
     def draw(self, placed: list[Placed], eye: Pose, *, mirrored: bool = False) -> None:
