@@ -57,6 +57,12 @@ SHEET: list[tuple[float, float, dict[str, float]]] = [  # range, height over the
     (9.0, 1.2, {"significant_wave_height_m": 0.8, "wind_speed_mps": 14.0, "spray": 1.0}),
     (9.0, 1.2, {"lens_drops": 0.8}),
 ]
+WAVED_OFF: list[tuple[float, float, dict[str, float]]] = [
+    (6.0, 0.4, {}),
+    (9.0, 1.2, {"sun_elevation_deg": -8.0}),
+    (9.0, 1.2, {"sun_elevation_deg": -20.0}),
+]
+"""With the status light on."""
 PLACES = {  # forward, starboard, down of the deck's centre [m]
     "3 km": (-3000.0, 260.0, -60.0),
     "1 km": (-1000.0, 80.0, -25.0),
@@ -76,11 +82,14 @@ def tiled(tiles: Sequence[Picture], across: int, path: Path, quality: int) -> No
 
 
 def scene(out: Path = PICTURES / "scene.jpg") -> None:
-    """Nine frames of the rig, in weathers and from ranges."""
-    rig, camera, tiles = Rig(), Camera.from_parameters(CameraParameters()), []
-    for range_m, height_m, changes in SHEET:
+    """Twelve frames of the rig, in weathers and from ranges, and with the status light on."""
+    camera, tiles = Camera.from_parameters(CameraParameters()), []
+    for range_m, height_m, changes in SHEET + WAVED_OFF:
+        red = (range_m, height_m, changes) in WAVED_OFF
+        rig = Rig(status_light_m=0.12 if red else 0.0)
         drawn_scene = Scene(rig, replace(SceneParameters(), **changes), np.random.default_rng(3))
-        image = drawn_scene.render(state_at(rig, range_m, 3.6, height_m), camera, rng=np.random.default_rng(0))
+        state = replace(state_at(rig, range_m, 3.6, height_m), waves_off=red)
+        image = drawn_scene.render(state, camera, rng=np.random.default_rng(0))
         tiles.append(cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
         drawn_scene.close()
     tiled(tiles, 3, out, 82)
