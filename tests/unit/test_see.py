@@ -25,7 +25,7 @@ from shipland.vision.pictures import pictures_of, read_picture, read_video
 
 KEYS = [
     "file", "t_s", "found", "reason", "distance_m", "position_in_bar_m", "yaw_deg", "covariance", "reprojection_px",
-    "corners_px",
+    "corners_px", "waves_off",
 ]  # fmt: skip
 
 

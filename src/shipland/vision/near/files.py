@@ -66,6 +66,7 @@ class SeeResult:
             "covariance": None if pose is None else [[float(f"{c:.9g}") for c in row] for row in pose.covariance],
             "reprojection_px": None if pose is None else round(pose.reprojection_px, 4),
             "corners_px": None if pose is None else np.round(pose.corners_px, 3).tolist(),
+            "waves_off": self.observation.waves_off,
         }
 
     def to_rows(self) -> list[dict[str, object]]:
@@ -93,6 +94,7 @@ class SeeResult:
             f"camera {-forward_m:.3f} m astern, {abs(right_m):.3f} m {'right' if right_m >= 0.0 else 'left'}, "
             f"{abs(down_m):.3f} m {'below' if down_m >= 0.0 else 'above'}; "
             f"yaw {np.degrees(pose.yaw_rad):+.2f}°; reprojection {pose.reprojection_px:.2f} px"
+            f"{'; waves off' if self.observation.waves_off else ''}"
         )
 
 
