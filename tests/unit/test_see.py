@@ -82,7 +82,7 @@ def test_one_without_the_cue(tmp_path):
     assert list(json_line) == KEYS
     assert not json_line["found"]
     assert json_line["reason"] == "nothing in the picture passes the colour gate"
-    assert [json_line[key] for key in KEYS[4:]] == [None] * 6
+    assert [json_line[key] for key in KEYS[4:]] == [None] * 6 + [False]
     assert result.to_line().endswith("not found: nothing in the picture passes the colour gate")
 
 

@@ -27,8 +27,8 @@ class See(PictureOptions):
     """Find the cue in pictures, videos or a flight log with the same near vision that flies.
 
     One JSON line a picture: file, t_s (time in its video), found, reason, distance_m, position_in_bar_m, yaw_deg,
-    covariance (4 × 4 of forward, right, down [m] and yaw [rad]), reprojection_px, corners_px, waves_off (the status light
-    is red).
+    covariance (4 × 4 of forward, right, down [m] and yaw [rad]), reprojection_px, corners_px, waves_off (a red
+    status light).
     What cannot be read, or breaks off, is named on standard error and the rest is looked at; the exit code is then 1,
     and 2 when nothing could be read. Pictures of a film in which nothing moves count together.
 
@@ -36,9 +36,9 @@ class See(PictureOptions):
     """
 
     cue: Path | None = None
-    """TOML that says what the cue is: a scenario's file, or one with section [rig] alone, manufacturing_tolerance,
-    hue and status_light_m, and one [[rig.polygon]] a polygon: corners_m = [[right, down], …] in metres from the cue's origin, clockwise
-    from top-left. Default: the rig's bar, or that of --config."""
+    """TOML that says what the cue is: a scenario's file, or one with section [rig] alone, manufacturing_tolerance, hue
+    and status_light_m, and one [[rig.polygon]] a polygon: corners_m = [[right, down], …] in metres from the cue's
+    origin, clockwise from top-left. Default: the rig's bar, or that of --config."""
     config: Path | None = None
     """TOML with sections of the configuration, as a scenario has them: [vision], [camera], [rig]."""
     calibration: Path | None = None
