@@ -24,9 +24,11 @@ from shipland.sim.aircraft.sensors import (
     clearance_m,
     reach_m,
     read_instruments,
+    sense,
     set_surface,
+    step_gimbal,
 )
-from shipland.sim.aircraft.step import fly_free, sense_once, tick, tick_senses
+from shipland.sim.aircraft.step import fly_free, tick
 from shipland.sim.contact import Body, DeckDriver, DeckState, against_deck, build_model, deck_in_ned, deck_values
 from shipland.sim.ship.ship import Ship, ShipState
 from shipland.sim.state import SceneState, Snapshot, scene_of, truth_of
@@ -175,7 +177,7 @@ class World:
         self._touchdown = LandingDetector(
             loop.land_range_m, loop.land_confirm_s, sensors.range_noise_m, tick_s, range_rng
         )
-        sense_once(self._record.states, self._record.constants)
+        sense(self._record.states[0], self._record.constants[0])
         self._sensed_s = 0.0
         self._flier.begin(self._record.sensed)
         self._packaged = isinstance(self._flier, Quadrotor) and self._flier.is_packaged
@@ -291,7 +293,9 @@ class World:
             record.values[_DECK_S] = 0.0
             tick(record.states, record.constants, self._gimbal.draw(1), self._motors_run)
         else:
-            tick_senses(record.states, record.constants, self._gimbal.draw(1))
+            state, constants = record.states[0], record.constants[0]
+            step_gimbal(state, constants, *self._gimbal.draw(1).tolist())
+            sense(state, constants)
             over_deck = self._body.over_deck(motion, self._deck) if self._reach_m < self._near_deck_m else None
             piloted = sticks if self._motors_run else None
             force, moment = self._flier.step(motion, record.sensed, piloted, self._wind_mps, over_deck)

@@ -9,7 +9,7 @@ from shipland.factories import resolve
 from shipland.sim.aircraft.loops import AttitudeLoop, InnerLoop, LoopSetup, Sticks, VelocityLoop
 from shipland.sim.aircraft.parameters import AircraftParameters, Shape, Vector
 from shipland.sim.aircraft.record import Record, RigidBodyState, Sensed, Wrench, at
-from shipland.sim.aircraft.step import ground_effect_gain, mix_once, trim_hover, turn_once
+from shipland.sim.aircraft.step import ground_effect_gain, mix, trim_hover, turn_rotors
 
 Clearance = Callable[[Vector], float]
 """Height [m] of a point of `body` over the deck; infinite beside or below it."""
@@ -105,14 +105,14 @@ class Quadrotor:
         if deck is not None and self._parameters.airframe.ground_effect:
             values[at("ground_gains")] = [ground_effect_gain(deck(rotor), radius_m) for rotor in self.shape.rotors_m]
         values[at("asked")] = (0.0, 0.0, 0.0, 0.0) if sticks is None else self._asked(sensed, sticks)
-        turn_once(record.states, record.constants)
+        turn_rotors(record.states[0], record.constants[0])
         return record.wrench
 
     def _asked(self, sensed: Sensed, sticks: Sticks) -> Sequence[float]:
         """Thrusts that the autopilot asks of the rotors."""
         record = self.record
         record.values[at("demand")] = self.loop.update(sensed, sticks)
-        mix_once(record.states, record.constants)
+        mix(record.states[0], record.constants[0])
         asked_n: list[float] = record.values[at("asked")].tolist()
         return asked_n
 

@@ -21,7 +21,7 @@ from typing import NamedTuple, Protocol
 from shipland.compiled import compiled
 from shipland.frames import GRAVITY_MPS2 as G
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
-from shipland.sim.aircraft.record import Constants, Record, Records, Sensed, State, at
+from shipland.sim.aircraft.record import Constants, Record, Sensed, State, at
 
 
 @compiled
@@ -38,7 +38,7 @@ def lift_mps2(s: State, k: Constants) -> float:
     error e = ref - k_h (down_ref - down) + v_down, lift = g + rate + k_c e + k_i ∫ e; the integral stands still while
     the climb is at its limit of 0.6 g.
     """
-    rate = clip((s.stick_heave * k.max_climb - s.climb_ref) / k.climb_time_s, -k.climb_mps2, k.climb_mps2)
+    rate = clip((s.stick_heave * k.max_vertical_speed_mps - s.climb_ref) / k.climb_time_s, -k.climb_mps2, k.climb_mps2)
     s.climb_ref += rate * k.tick_s
     # The height reference runs with the climb reference but never far from the aircraft, so that a deck under the feet
     # or a saturated rotor does not wind it up.
@@ -83,7 +83,7 @@ def demand_attitude(s: State, k: Constants, lift: float, roll_ref: float, pitch_
     roll_rate = clip(k.attitude_per_s * (roll_ref - s.roll), -k.max_tilt_rate, k.max_tilt_rate)
     pitch_rate = clip(k.attitude_per_s * (pitch_ref - s.pitch), -k.max_tilt_rate, k.max_tilt_rate)
     p, q, r = roll_rate - turn * sp, pitch_rate * cr + turn * sr * cp, turn * cr * cp - pitch_rate * sr
-    s.demand_n = k.mass * lift / max(cr * cp, 0.5)
+    s.demand_n = k.mass_kg * lift / max(cr * cp, 0.5)
     s.demand_roll = k.inertia_x * k.rate_per_s * (p - s.roll_rate)
     s.demand_pitch = k.inertia_y * k.rate_per_s * (q - s.pitch_rate)
     s.demand_yaw = k.inertia_z * (k.yaw_rate_per_s * (r - s.yaw_rate) + s.yaw_ref)
@@ -105,7 +105,7 @@ def velocity_push(s: State, k: Constants, off_n: float, off_e: float, most: floa
     integral is the push that the wind asks for; it stands still while the push is at its limit. `off` is reference
     place minus sensed place [m]; (0, 0) holds no place.
     """
-    drag = k.rotor_drag + k.body_drag * math.hypot(s.ref_n, s.ref_e)
+    drag = k.rotor_drag_per_s + k.body_drag_per_m * math.hypot(s.ref_n, s.ref_e)
     error_n = s.ref_n + k.position_per_s * off_n - s.v_north
     error_e = s.ref_e + k.position_per_s * off_e - s.v_east
     push_n = s.rate_n + drag * s.ref_n + k.velocity_per_s * error_n + s.wind_n
@@ -201,7 +201,7 @@ HOLD_MPS = 0.2
 def control(s: State, k: Constants) -> None:
     """One tick of the inner loop: from what is sensed and the sticks to thrust and moments."""
     lift = lift_mps2(s, k)
-    released = 100.0 * max(abs(s.stick_pitch), abs(s.stick_roll)) < k.hold_below
+    released = 100.0 * max(abs(s.stick_pitch), abs(s.stick_roll)) < k.hold_below_percent
     if k.velocity_kind > 0.0:
         push_n, push_e = _velocity_stick(s, k, lift, released)
         roll_ref, pitch_ref = tilt_of(push_n, push_e, lift, s.heading)
@@ -214,13 +214,13 @@ def control(s: State, k: Constants) -> None:
 def _tilt_stick(s: State, k: Constants, lift: float, released: bool) -> tuple[float, float]:
     """Kind `attitude`: the tilt of the stick, with a wind trim its push and the wind's; released, a place hold."""
     trim_n, trim_e = 0.0, 0.0
-    if k.trim_s > 0.0:
+    if k.wind_trim_s > 0.0:
         trim_n, trim_e = _wind_trim(s, k)
     if released:
         push_n, push_e = hold_push(s, k, lift * k.max_slope)
         return tilt_of(push_n, push_e, lift, s.heading)
     s.held = 0.0
-    if k.trim_s <= 0.0:
+    if k.wind_trim_s <= 0.0:
         return s.stick_roll * k.max_tilt, -s.stick_pitch * k.max_tilt
     cosine, sine = math.cos(s.heading), math.sin(s.heading)
     forward, right = lift * math.tan(s.stick_pitch * k.max_tilt), lift * math.tan(s.stick_roll * k.max_tilt)
@@ -239,12 +239,12 @@ def _wind_trim(s: State, k: Constants) -> tuple[float, float]:
     cosine, sine = math.cos(s.heading), math.sin(s.heading)
     forward = -G * math.tan(s.pitch)
     right = G * math.tan(s.roll) / max(math.cos(s.pitch), 0.5)
-    drag = k.rotor_drag + k.body_drag * math.hypot(s.v_north, s.v_east)
+    drag = k.rotor_drag_per_s + k.body_drag_per_m * math.hypot(s.v_north, s.v_east)
     s.trim_n += k.trim_share * (cosine * forward - sine * right - drag * s.v_north - s.trim_n)
     s.trim_e += k.trim_share * (sine * forward + cosine * right - drag * s.v_east - s.trim_e)
     s.slow_n += k.trim_share * (s.v_north - s.slow_n)
     s.slow_e += k.trim_share * (s.v_east - s.slow_e)
-    return s.trim_n - (s.v_north - s.slow_n) / k.trim_s, s.trim_e - (s.v_east - s.slow_e) / k.trim_s
+    return s.trim_n - (s.v_north - s.slow_n) / k.wind_trim_s, s.trim_e - (s.v_east - s.slow_e) / k.wind_trim_s
 
 
 @compiled
@@ -256,7 +256,7 @@ def _velocity_stick(s: State, k: Constants, lift: float, released: bool) -> tupl
     wanted_n, wanted_e = 0.0, 0.0
     if not released:
         cosine, sine = math.cos(s.heading), math.sin(s.heading)
-        forward, right = s.stick_pitch * k.max_speed, s.stick_roll * k.max_speed
+        forward, right = s.stick_pitch * k.max_speed_mps, s.stick_roll * k.max_speed_mps
         wanted_n, wanted_e = cosine * forward - sine * right, sine * forward + cosine * right
     rise_n, rise_e = (wanted_n - s.ref_n) / k.velocity_time_s, (wanted_e - s.ref_e) / k.velocity_time_s
     scale = min(1.0, k.acceleration_mps2 / max(math.hypot(rise_n, rise_e), 1e-9))
@@ -269,12 +269,6 @@ def _velocity_stick(s: State, k: Constants, lift: float, released: bool) -> tupl
     if s.held == 0.0:
         return velocity_push(s, k, 0.0, 0.0, lift * k.max_slope)
     return velocity_push(s, k, s.place_n - s.north, s.place_e - s.east, lift * k.max_slope)
-
-
-@compiled
-def control_once(states: Records, constants: Records) -> None:
-    """`control` of the first of the records, for a caller in Python."""
-    control(states[0], constants[0])
 
 
 class AttitudeLoop:
@@ -301,7 +295,7 @@ class AttitudeLoop:
         """See `InnerLoop`."""
         record = self._record
         record.values[at("sensed")], record.values[at("sticks")] = sensed, sticks
-        control_once(record.states, record.constants)
+        control(record.states[0], record.constants[0])
         return Demand(*record.values[at("demand")].tolist())
 
 

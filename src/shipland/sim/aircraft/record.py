@@ -20,9 +20,9 @@ from shipland.sim.aircraft.parameters import AircraftParameters, Vector
 State: TypeAlias = Any
 """One record of `STATE_TYPE`."""
 Constants: TypeAlias = Any
-"""One record of `CONSTANTS_TYPE`."""
+"""One record of `_constants`."""
 Records: TypeAlias = Any
-"""(1,) array of either, as Python hands it to compiled code."""
+"""(1,) array of either, as Python hands it to compiled code that is called often."""
 
 
 class RigidBodyState(NamedTuple):
@@ -123,8 +123,9 @@ def at(group: str) -> slice:
 
 
 def _constants(parameters: AircraftParameters, tick_s: float) -> dict[str, float]:
-    """Constants of airframe, settings and loop; and those that the world sets, not yet a number."""
+    """The numbers of airframe, settings and loop by their names, what follows from them, and, not yet, the world's."""
     frame, settings, gains = parameters.airframe, parameters.settings, parameters.loop
+    stated = {**vars(frame), **vars(settings), **vars(gains)}
     settle = -math.expm1(-tick_s / frame.motor_time_s)
     inertia_x, inertia_y, inertia_z = frame.inertia_kgm2
     world = (
@@ -132,57 +133,30 @@ def _constants(parameters: AircraftParameters, tick_s: float) -> dict[str, float
         *("gimbal_keep", "gimbal_add", "noise_keep", "noise_add", "flow_keep", "flow_add", "wave_keep", "wave_add"),
         *("drift_add", "flow_settle", "lose_share", "back_share", "over_ground"),
         *("flow_slope", "water", "water_drift", "stern", "bow", "half_width", "far", "full_ship"),
-        *("near_ship", "deck_height", "front", "radius", "foot_below"),
+        *("deck_height", "front", "radius", "foot_below"),
     )
-    return dict.fromkeys(world, math.nan) | {
-        "tick_s": tick_s,
-        "mass": frame.mass_kg,
-        "inertia_x": inertia_x,
-        "inertia_y": inertia_y,
-        "inertia_z": inertia_z,
-        "motor_forward": frame.motor_forward_m,
-        "motor_right": frame.motor_right_m,
-        "motor_above": frame.motor_above_m,
-        "rotor_radius": frame.rotor_radius_m,
-        "settle_share": settle,
-        "mean_share": frame.motor_time_s / tick_s * settle,
-        "low_n": frame.idle_thrust * frame.hover_thrust_n,
-        "hover_n": frame.hover_thrust_n,
-        "top_n": frame.top_thrust_n,
-        "torque_per_thrust": frame.torque_per_thrust_m,
-        "rotor_drag": frame.rotor_drag_per_s,
-        "inflow_loss": frame.inflow_loss_per_s,
-        "body_drag": frame.body_drag_per_m,
-        "ground_effect": float(frame.ground_effect),
-        "max_tilt": math.radians(settings.max_tilt_deg),
-        "max_speed": settings.max_speed_mps,
-        "max_climb": settings.max_vertical_speed_mps,
-        "max_yaw_rate": math.radians(settings.max_yaw_rate_deg_s),
-        "max_tilt_rate": math.radians(settings.max_tilt_rate_deg_s),
-        "velocity_kind": 0.0,
-        "trim_s": gains.wind_trim_s,
-        "trim_share": -math.expm1(-tick_s / gains.wind_trim_s) if gains.wind_trim_s > 0.0 else 0.0,
-        "acceleration_mps2": gains.acceleration_mps2,
-        "velocity_time_s": gains.velocity_time_s,
-        "max_slope": math.tan(math.radians(gains.tilt_limit_deg)),
-        "hold_below": gains.hold_below_percent,
-        "tilt_settle": min(1.0, tick_s / gains.tilt_time_s),
-        "brake_time_s": gains.brake_time_s,
-        "brake_mps2": gains.brake_mps2,
-        "position_per_s": gains.position_per_s,
-        "velocity_per_s": gains.velocity_per_s,
-        "velocity_integral_per_s2": gains.velocity_integral_per_s2,
-        "climb_time_s": gains.climb_time_s,
-        "climb_mps2": gains.climb_mps2,
-        "height_per_s": gains.height_per_s,
-        "climb_per_s": gains.climb_per_s,
-        "climb_integral_per_s2": gains.climb_integral_per_s2,
-        "attitude_per_s": gains.attitude_per_s,
-        "rate_per_s": gains.rate_per_s,
-        "heading_per_s": gains.heading_per_s,
-        "yaw_rate_per_s": gains.yaw_rate_per_s,
-        "yaw_rad_s2": gains.yaw_rad_s2,
-    }
+    return (
+        dict.fromkeys(world, math.nan)
+        | {name: value for name, value in stated.items() if isinstance(value, int | float)}
+        | {
+            "tick_s": tick_s,
+            "inertia_x": inertia_x,
+            "inertia_y": inertia_y,
+            "inertia_z": inertia_z,
+            "settle_share": settle,
+            "mean_share": frame.motor_time_s / tick_s * settle,
+            "low_n": frame.idle_thrust * frame.hover_thrust_n,
+            "hover_n": frame.hover_thrust_n,
+            "top_n": frame.top_thrust_n,
+            "max_tilt": math.radians(settings.max_tilt_deg),
+            "max_yaw_rate": math.radians(settings.max_yaw_rate_deg_s),
+            "max_tilt_rate": math.radians(settings.max_tilt_rate_deg_s),
+            "velocity_kind": 0.0,
+            "trim_share": -math.expm1(-tick_s / gains.wind_trim_s) if gains.wind_trim_s > 0.0 else 0.0,
+            "max_slope": math.tan(math.radians(gains.tilt_limit_deg)),
+            "tilt_settle": min(1.0, tick_s / gains.tilt_time_s),
+        }
+    )
 
 
 class Record:

@@ -40,13 +40,13 @@ def air_force_in_ned_n(
     m = ned_from_body
     axial = m[2] * u + m[5] * v + m[8] * w
     spin = math.sqrt(max(total_thrust_n, 0.0) / (4.0 * k.hover_n))
-    plane = k.rotor_drag * spin
-    along = (k.inflow_loss * spin - plane) * axial
-    drag = plane + k.body_drag * math.sqrt(u * u + v * v + w * w)
+    plane = k.rotor_drag_per_s * spin
+    along = (k.inflow_loss_per_s * spin - plane) * axial
+    drag = plane + k.body_drag_per_m * math.sqrt(u * u + v * v + w * w)
     return (
-        -k.mass * (drag * u + along * m[2]),
-        -k.mass * (drag * v + along * m[5]),
-        -k.mass * (drag * w + along * m[8]),
+        -k.mass_kg * (drag * u + along * m[2]),
+        -k.mass_kg * (drag * v + along * m[5]),
+        -k.mass_kg * (drag * w + along * m[8]),
     )
 
 
@@ -68,18 +68,18 @@ def trim_hover(constants: Records, wind_in_ned_mps: Vector, heading_rad: float) 
         Roll and pitch [rad]; total thrust [N]; acceleration in `ned` that thrust must give against drag [m/s²].
     """
     k = constants[0]
-    roll, pitch, thrust = 0.0, 0.0, k.mass * G
+    roll, pitch, thrust = 0.0, 0.0, k.mass_kg * G
     push_n, push_e, push_d = 0.0, 0.0, 0.0
     wind_n, wind_e, wind_d = wind_in_ned_mps
     for _ in range(40):
         rows = rows_of_euler(roll, pitch, heading_rad)
         north, east, down = air_force_in_ned_n(k, rows, -wind_n, -wind_e, -wind_d, thrust)
-        push_n, push_e, push_d = -north / k.mass, -east / k.mass, -down / k.mass
+        push_n, push_e, push_d = -north / k.mass_kg, -east / k.mass_kg, -down / k.mass_kg
         lift = max(G - push_d, 0.2 * G)
         roll, pitch = tilt_of(push_n, push_e, lift, heading_rad)
         cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
         forward, right = cosine * push_n + sine * push_e, cosine * push_e - sine * push_n
-        thrust = k.mass * math.sqrt(forward * forward + right * right + lift * lift)
+        thrust = k.mass_kg * math.sqrt(forward * forward + right * right + lift * lift)
     return roll, pitch, thrust, (push_n, push_e, push_d)
 
 
@@ -91,7 +91,7 @@ def drag_slope_per_s(constants: Records, wind_mps: float) -> float:
     rows = rows_of_euler(0.0, pitch, 0.0)
     slower, _, _ = air_force_in_ned_n(k, rows, wind_mps - half_mps, 0.0, 0.0, thrust)
     faster, _, _ = air_force_in_ned_n(k, rows, wind_mps + half_mps, 0.0, 0.0, thrust)
-    return float((slower - faster) / (2.0 * half_mps * k.mass))
+    return float((slower - faster) / (2.0 * half_mps * k.mass_kg))
 
 
 @compiled
@@ -99,21 +99,15 @@ def mix(s: State, k: Constants) -> None:
     """Thrusts of the rotors; what exceeds their range goes first from yaw, then from roll and pitch."""
     share = clip(0.25 * s.demand_n, 1.5 * k.low_n, 0.9 * k.top_n)
     room = min(share - k.low_n, k.top_n - share)
-    roll, pitch = -0.25 * s.demand_roll / k.motor_right, 0.25 * s.demand_pitch / k.motor_forward
+    roll, pitch = -0.25 * s.demand_roll / k.motor_right_m, 0.25 * s.demand_pitch / k.motor_forward_m
     tilt = abs(roll) + abs(pitch)
     if tilt > room:
         roll, pitch, tilt = roll * room / tilt, pitch * room / tilt, room
-    yaw = clip(0.25 * s.demand_yaw / k.torque_per_thrust, tilt - room, room - tilt)
+    yaw = clip(0.25 * s.demand_yaw / k.torque_per_thrust_m, tilt - room, room - tilt)
     s.asked_a = share + roll + pitch + yaw
     s.asked_b = share - roll + pitch - yaw
     s.asked_c = share + roll - pitch - yaw
     s.asked_d = share - roll - pitch + yaw
-
-
-@compiled
-def stop(s: State) -> None:
-    """Motors off."""
-    s.asked_a, s.asked_b, s.asked_c, s.asked_d = 0.0, 0.0, 0.0, 0.0
 
 
 @compiled
@@ -129,11 +123,11 @@ def turn_rotors(s: State, k: Constants) -> None:
     c, s.thrust_c = _follow(s.thrust_c, s.asked_c, k)
     d, s.thrust_d = _follow(s.thrust_d, s.asked_d, k)
     a, b, c, d = s.sound_a * a, s.sound_b * b, s.sound_c * c, s.sound_d * d
-    s.moment_z = k.torque_per_thrust * (a - b - c + d)
+    s.moment_z = k.torque_per_thrust_m * (a - b - c + d)
     a, b, c, d = a * s.gain_a, b * s.gain_b, c * s.gain_c, d * s.gain_d
     lift = a + b + c + d
-    s.moment_x = k.motor_right * (b + d - a - c)
-    s.moment_y = k.motor_forward * (a + b - c - d)
+    s.moment_x = k.motor_right_m * (b + d - a - c)
+    s.moment_y = k.motor_forward_m * (a + b - c - d)
     m = rows_of_quaternion(s.qw, s.qx, s.qy, s.qz)
     north, east, down = air_force_in_ned_n(k, m, s.u - s.air_n, s.v - s.air_e, s.w - s.air_d, total)
     s.force_n, s.force_e, s.force_d = north - lift * m[2], east - lift * m[5], down - lift * m[8]
@@ -160,7 +154,7 @@ def feel_ground(s: State, k: Constants) -> None:
     roll, pitch = s.deck_roll + t * s.deck_p + h * s.deck_ap, s.deck_pitch + t * s.deck_q + h * s.deck_aq
     yaw = s.deck_yaw + t * s.deck_r + h * s.deck_ar
     body, deck = rows_of_quaternion(s.qw, s.qx, s.qy, s.qz), rows_of_euler(roll, pitch, yaw)
-    forward, right = k.motor_forward, k.motor_right
+    forward, right = k.motor_forward_m, k.motor_right_m
     s.gain_a = _gain(k, body, deck, x, y, z, forward, right)
     s.gain_b = _gain(k, body, deck, x, y, z, forward, -right)
     s.gain_c = _gain(k, body, deck, x, y, z, -forward, right)
@@ -170,26 +164,36 @@ def feel_ground(s: State, k: Constants) -> None:
 @compiled
 def _gain(k: Constants, body: Rows, deck: Rows, x: float, y: float, z: float, forward: float, right: float) -> float:
     """Gain of the rotor at (forward, right) of a body at (x, y, z) from the deck's centre, in `ned`."""
-    a = x + body[0] * forward + body[1] * right - body[2] * k.motor_above
-    b = y + body[3] * forward + body[4] * right - body[5] * k.motor_above
-    c = z + body[6] * forward + body[7] * right - body[8] * k.motor_above
+    a = x + body[0] * forward + body[1] * right - body[2] * k.motor_above_m
+    b = y + body[3] * forward + body[4] * right - body[5] * k.motor_above_m
+    c = z + body[6] * forward + body[7] * right - body[8] * k.motor_above_m
     above = -(deck[2] * a + deck[5] * b + deck[8] * c)
     ahead, beside = deck[0] * a + deck[3] * b + deck[6] * c, deck[1] * a + deck[4] * b + deck[7] * c
     if abs(ahead) < k.half_deck and abs(beside) < k.half_deck and above > 0.0:
-        return ground_effect_gain(above, k.rotor_radius)
+        return ground_effect_gain(above, k.rotor_radius_m)
     return 1.0
 
 
 @compiled
-def mix_once(states: Records, constants: Records) -> None:
-    """`mix` of the first of the records, for a caller in Python."""
-    mix(states[0], constants[0])
+def tick(states: Records, constants: Records, noise: Array, motors_run: bool) -> None:
+    """One tick of the packaged aircraft; afterwards its wrench stands in the record.
 
-
-@compiled
-def turn_once(states: Records, constants: Records) -> None:
-    """`turn_rotors` of the first of the records, for a caller in Python."""
-    turn_rotors(states[0], constants[0])
+    Args:
+        states: of the aircraft.
+        constants: likewise.
+        noise: (2,) standard normal numbers of the gimbal.
+        motors_run: whether the inner loop still has rotors to command.
+    """
+    s, k = states[0], constants[0]
+    step_gimbal(s, k, noise[0], noise[1])
+    sense(s, k)
+    if motors_run:
+        control(s, k)
+        mix(s, k)
+    else:
+        s.asked_a, s.asked_b, s.asked_c, s.asked_d = 0.0, 0.0, 0.0, 0.0
+    feel_ground(s, k)
+    turn_rotors(s, k)
 
 
 SAFE_UPRIGHT = 0.5
@@ -215,60 +219,20 @@ def fly_free(states: Records, constants: Records, noise: Array, phase: int, ever
             upright = 1.0 - 2.0 * (s.qx * s.qx + s.qy * s.qy)
             if s.z > k.lowest_z or upright < SAFE_UPRIGHT:
                 return step
-            step_gimbal(s, k, noise[used], noise[used + 1])
+            tick(states, constants, noise[used : used + 2], True)
             used += 2
-            sense(s, k)
-            control(s, k)
-            mix(s, k)
-            feel_ground(s, k)
-            turn_rotors(s, k)
         step_body(s, k)
         s.deck_s += k.step_s
     return count
 
 
 @compiled
-def tick(states: Records, constants: Records, noise: Array, motors_run: bool) -> None:
-    """One tick of the packaged aircraft; afterwards its wrench stands in the record.
-
-    Args:
-        states: of the aircraft.
-        constants: likewise.
-        noise: (2,) standard normal numbers of the gimbal.
-        motors_run: whether the inner loop still has rotors to command.
-    """
-    s, k = states[0], constants[0]
-    step_gimbal(s, k, noise[0], noise[1])
-    sense(s, k)
-    if motors_run:
-        control(s, k)
-        mix(s, k)
-    else:
-        stop(s)
-    feel_ground(s, k)
-    turn_rotors(s, k)
-
-
-@compiled
-def tick_senses(states: Records, constants: Records, noise: Array) -> None:
-    """The part of `tick` that an aircraft of one's own does not do itself: gimbal and senses."""
-    step_gimbal(states[0], constants[0], noise[0], noise[1])
-    sense(states[0], constants[0])
-
-
-@compiled
-def sense_once(states: Records, constants: Records) -> None:
-    """`sense` of the first of the records, for a caller in Python."""
-    sense(states[0], constants[0])
-
-
-@compiled
 def step_body(s: State, k: Constants) -> None:
     """MuJoCo's `implicitfast`: velocities first, gyroscopic moment implicit; then places by new velocities."""
     dt = k.step_s
-    s.u += dt * s.force_n / k.mass
-    s.v += dt * s.force_e / k.mass
-    s.w += dt * (s.force_d / k.mass + G)
+    s.u += dt * s.force_n / k.mass_kg
+    s.v += dt * s.force_e / k.mass_kg
+    s.w += dt * (s.force_d / k.mass_kg + G)
     # Of the rates: (1 + dt dg/dw) change = dt (moment/inertia - g), g = w x (inertia w) / inertia.
     p, q, r = s.p, s.q, s.r
     a = dt * (k.inertia_z - k.inertia_y) / k.inertia_x
