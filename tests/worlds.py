@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from shipland.camera import CameraParameters
 from shipland.config import build
+from shipland.frames import Array
 from shipland.messages import Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
 from shipland.sim.aircraft.parameters import AircraftParameters
@@ -85,6 +86,23 @@ def come_down(flown: World, *, percent: float = -50.0, intent: Intent = Intent.L
     while not flown.over() and flown.t_s < most_s:
         flown.command(PilotCommand(flown.t_s, 0.0, 0.0, percent, 0.0, 0.0, intent))
         flown.advance(flown.t_s + 0.1)
+
+
+class Deck(NamedTuple):
+    """`deck_values` by name."""
+
+    origin_m: Array
+    velocity_mps: Array
+    acceleration_mps2: Array
+    angles_rad: Array
+    rates_rad_s: Array
+    accelerations_rad_s2: Array
+    ned_from_deck: Array
+    turn_rad_s: Array
+
+    @staticmethod
+    def of(values: Array) -> Deck:
+        return Deck(*values[:18].reshape(6, 3), values[18:27].reshape(3, 3), values[27:])
 
 
 class NoCamera:

@@ -3,7 +3,6 @@
 import itertools
 import math
 
-import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
@@ -23,13 +22,13 @@ from shipland.frames import (
 from shipland.messages import Intent, PilotCommand
 from shipland.rig import Rig
 from shipland.sim.aircraft.aircraft import Quadrotor
-from shipland.sim.aircraft.record import Record
+from shipland.sim.aircraft.record import Record, at
 from shipland.sim.aircraft.step import (
     air_force_in_ned_n,
     ground_effect_gain,
     trim_hover,
 )
-from shipland.sim.contact import Body, DeckState, build_model, deck_values
+from shipland.sim.contact import Bodies, deck_values
 from shipland.sim.ship.course import StillCourse
 from shipland.sim.ship.deck_motion import Still
 from shipland.sim.ship.ship import Ship
@@ -101,17 +100,15 @@ def test_ground_effect_is_cheeseman_and_bennetts() -> None:
 def test_rotors_over_the_decks_edge_lift_their_side(rig: Rig) -> None:
     """Half a body over the port edge: the two right rotors gain thrust, so it rolls left and is lifted."""
     quadrotor = Quadrotor(aircraft_parameters(), 0.004)
-    model = build_model(rig, quadrotor.shape, STEP_S)
-    data = mujoco.MjData(model.mj)
-    body = Body(rig, quadrotor.shape, model, data, quadrotor.record)
-    deck = DeckState.of(deck_values(Ship(rig, StillCourse(), Still()).at(0.0)))
+    body = Bodies(rig, quadrotor.shape, STEP_S, quadrotor.record)
+    quadrotor.record.values[at("deck")] = deck_values(Ship(rig, StillCourse(), Still()).at(0.0))
     hover_n = AIRFRAME.mass_kg * GRAVITY_MPS2
     height_m = 0.1
     down_m = -rig.deck_height_m - height_m + AIRFRAME.motor_above_m  # rotors 0.1 m over the deck
     body.put((0.0, -0.5 * rig.deck_size_m, down_m), 0.0, 0.0, 0.0)
     motion, still = body.motion(), (0.0, 0.0, 0.0)
     wrenches = []
-    for over in (None, body.over_deck(motion, deck)):  # with rotors that run down alike
+    for over in (None, body.over_deck):  # with rotors that run down alike
         quadrotor.trim(still, 0.0)
         wrenches.append(quadrotor.step(motion, None, None, still, over))
     body.step(1)
@@ -120,7 +117,7 @@ def test_rotors_over_the_decks_edge_lift_their_side(rig: Rig) -> None:
     assert lift == pytest.approx(hover_n, rel=0.05)
     np.testing.assert_allclose(wrenches[1].force_in_ned_n, [0.0, 0.0, -lift - extra_n], atol=1e-12)
     np.testing.assert_allclose(moment, [-extra_n * AIRFRAME.motor_right_m, 0.0, 0.0], atol=1e-12)
-    np.testing.assert_allclose(data.qfrc_applied[:6], [0.0, 0.0, lift + extra_n, *moment], atol=1e-12)
+    np.testing.assert_allclose(body.data.qfrc_applied[:6], [0.0, 0.0, lift + extra_n, *moment], atol=1e-12)
 
 
 @given(st.floats(-14.0, 14.0), st.floats(-5.0, 5.0), st.floats(-3.0, 3.0))

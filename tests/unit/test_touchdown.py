@@ -8,11 +8,12 @@ import pytest
 from shipland.config import build, merge
 from shipland.messages import Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
+from shipland.sim.aircraft.record import at
 from shipland.sim.ship.course import StillCourse, StraightCourse
 from shipland.sim.ship.ship import Ship, ShipParameters, build_ship
 from shipland.sim.touchdown import NO_TOUCH, Contacts, Judge, OnDeck, VerdictParameters
 from shipland.sim.world import World
-from worlds import QUIET, CircleCourse, come_down, natops, six_sinusoids, world
+from worlds import QUIET, CircleCourse, Deck, come_down, natops, six_sinusoids, world
 
 LIMITS = VerdictParameters()
 
@@ -102,15 +103,10 @@ def test_the_moving_deck_carries_what_stands_on_it(ship, seconds: float, rig: Ri
 
 def _stand(flown: World) -> None:
     """Put the aircraft on the deck at the deck's velocity, motors off, and wait for rest."""
-    deck = flown._deck
-    lift = 0.0452
-    r = deck.ned_from_deck
-    place = tuple(deck.origin_m[i] - lift * r[3 * i + 2] for i in range(3))
-    p, q, w = deck.turn_rad_s
-    x, y, z = (place[i] - deck.origin_m[i] for i in range(3))
-    v = deck.velocity_mps
-    carried = (v[0] + q * z - w * y, v[1] + w * x - p * z, v[2] + p * y - q * x)
-    flown._body.put(place, *deck.angles_rad, carried)
+    deck = Deck.of(flown._record.values[at("deck")])
+    lift_m = -0.0452 * deck.ned_from_deck[:, 2]
+    carried_mps = deck.velocity_mps + np.cross(deck.turn_rad_s, lift_m)
+    flown._bodies.put(tuple(deck.origin_m + lift_m), *deck.angles_rad, tuple(carried_mps))
     flown._motors_run = False
     flown.advance(flown.t_s + 3.0)
 

@@ -10,10 +10,12 @@ from shipland.config import merge
 from shipland.frames import MUJOCO_FROM_NED, Array, euler_from_rotation, quaternion_from_rotation, rotation_from_euler
 from shipland.messages import Intent, PilotCommand
 from shipland.rig import Rig
-from shipland.sim.contact import DeckDriver, DeckState, against_deck, build_model, deck_values
+from shipland.sim.aircraft.record import Record, at
+from shipland.sim.contact import Bodies, against_deck, deck_values
 from shipland.sim.ship.ship import Ship, ShipState
+from shipland.sim.touchdown import OnDeck
 from shipland.sim.world import STEP_S
-from worlds import QUIET, CircleCourse, WanderingCourse, aircraft_parameters, natops, six_sinusoids, world
+from worlds import QUIET, CircleCourse, Deck, WanderingCourse, aircraft_parameters, natops, six_sinusoids, world
 
 TIMES = (0.0, 1.3, 7.9)
 H = 1e-3
@@ -25,8 +27,8 @@ def ship(request: pytest.FixtureRequest, rig: Rig) -> Ship:
     return Ship(rig, WanderingCourse(), six_sinusoids(), full_ship=request.param)
 
 
-def _deck(state: ShipState) -> DeckState:
-    return DeckState.of(deck_values(state))
+def _deck(state: ShipState) -> Deck:
+    return Deck.of(deck_values(state))
 
 
 @pytest.mark.parametrize("t_s", TIMES)
@@ -34,7 +36,7 @@ def test_deck_velocity_and_acceleration_are_the_derivatives_of_its_pose(ship: Sh
     deck = _deck(ship.at(t_s))
     before, now, after = (ship.at(t).ned_from_deck for t in (t_s - H, t_s, t_s + H))
     np.testing.assert_allclose(deck.origin_m, now.translation_m, atol=1e-12)
-    np.testing.assert_allclose(np.reshape(deck.ned_from_deck, (3, 3)), now.rotation, atol=1e-12)
+    np.testing.assert_allclose(deck.ned_from_deck, now.rotation, atol=1e-12)
     slope = (after.translation_m - before.translation_m) / (2 * H)
     bend = (after.translation_m - 2 * now.translation_m + before.translation_m) / H**2
     np.testing.assert_allclose(deck.velocity_mps, slope, atol=1e-5)
@@ -49,14 +51,15 @@ def test_deck_velocity_and_acceleration_are_the_derivatives_of_its_pose(ship: Sh
 
 @pytest.mark.parametrize("t_s", TIMES)
 def test_mujoco_has_the_ship_where_it_is_and_accelerates_the_deck_as_told(ship: Ship, rig: Rig, t_s: float) -> None:
-    model = build_model(rig, aircraft_parameters().airframe.shape, STEP_S)
-    data = mujoco.MjData(model.mj)
+    record = Record(aircraft_parameters(), 0.004)
+    staged = Bodies(rig, aircraft_parameters().airframe.shape, STEP_S, record)
+    model, data = staged.model, staged.data
     data.qpos[2] = 50.0  # the aircraft out of the way
     state = ship.at(t_s)
     deck = _deck(state)
-    stage = DeckDriver(model, data)
-    stage.set_deck(deck_values(state))
-    stage.set_hull(state, deck_values(state))
+    record.values[at("deck")] = deck_values(state)
+    staged.set_deck()
+    staged.set_hull(state)
     mujoco.mj_forward(model.mj, data)
     bodies = (("deck", state.ned_from_deck), ("ship", state.ned_from_hull), ("bar", state.ned_from_bar))
     for name, pose in bodies:
@@ -75,14 +78,14 @@ def test_mujoco_has_the_ship_where_it_is_and_accelerates_the_deck_as_told(ship: 
 
 
 def test_a_point_carried_by_the_deck_has_no_velocity_against_it(ship: Ship) -> None:
-    def at(t_s: float) -> Array:
+    def place(t_s: float) -> Array:
         return ship.at(t_s).ned_from_deck.apply(np.array([0.3, -0.2, -0.05]))
 
     t_s = 2.7
-    velocity = (at(t_s + H) - at(t_s - H)) / (2 * H)
+    velocity = (place(t_s + H) - place(t_s - H)) / (2 * H)
     turned = ship.at(t_s).ned_from_deck.rotation @ rotation_from_euler(0.1, 0.0, 2.0)
-    motion = np.array([*at(t_s), *quaternion_from_rotation(turned), *velocity, 0.0, 0.0, 0.0])
-    on_deck = against_deck(deck_values(ship.at(t_s)), motion)
+    motion = np.array([*place(t_s), *quaternion_from_rotation(turned), *velocity, 0.0, 0.0, 0.0])
+    on_deck = OnDeck(*against_deck(deck_values(ship.at(t_s)), motion))
     np.testing.assert_allclose(on_deck.position_m, [0.3, -0.2, -0.05], atol=1e-9)
     np.testing.assert_allclose(on_deck.velocity_mps, 0.0, atol=1e-5)
     assert on_deck.tilt_rad == pytest.approx(0.1, abs=1e-6)

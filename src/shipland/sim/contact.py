@@ -14,14 +14,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shipland.compiled import compiled
-from shipland.frames import Array, Rows, quaternion_from_euler, rows_from_quaternion
+from shipland.frames import Array, quaternion_from_euler
 from shipland.rig import Rig, Solid, layout
-from shipland.sim.aircraft.aircraft import Clearance
 from shipland.sim.aircraft.parameters import Shape, Vector
 from shipland.sim.aircraft.record import Record, RigidBodyState, at
 from shipland.sim.rotations import quaternion_of_euler, rows_of_euler, rows_of_quaternion
@@ -34,15 +33,8 @@ if TYPE_CHECKING:
 DECK_ARMATURE = 1e4
 DECK_THICKNESS_M = 0.10
 
-FOOT, BODY, ROTOR, DECK, SUPERSTRUCTURE, BOARD, BASE = (
-    "foot",
-    "body",
-    "rotor",
-    "deck",
-    "superstructure",
-    "board",
-    "base",
-)
+FOOT, BODY, ROTOR = _PARTS = "foot", "body", "rotor"
+DECK, SUPERSTRUCTURE, BOARD, BASE = "deck", "superstructure", "board", "base"
 
 
 @dataclass(frozen=True)
@@ -59,12 +51,6 @@ class Model:
     part_of_geom: tuple[str, ...]
     ship_mocap: int
     board_mocap: int
-
-    def start(self) -> mujoco.MjData:
-        """A state of the model."""
-        import mujoco
-
-        return mujoco.MjData(self.mj)
 
 
 @lru_cache(maxsize=8)
@@ -133,23 +119,14 @@ def _deck(rig: Rig) -> str:
     half = 0.5 * rig.deck_size_m
     joints = [
         f'<joint type="{kind}" axis="{axis}" armature="{DECK_ARMATURE}"/>'
-        for kind, axis in (
-            ("slide", "1 0 0"),
-            ("slide", "0 1 0"),
-            ("slide", "0 0 1"),
-            ("hinge", "0 0 1"),
-            ("hinge", "0 1 0"),
-            ("hinge", "1 0 0"),
-        )
+        for kind, axes in (("slide", ("1 0 0", "0 1 0", "0 0 1")), ("hinge", ("0 0 1", "0 1 0", "1 0 0")))
+        for axis in axes
     ]
-    return "\n      ".join(
-        [
-            "",
-            *joints,
-            f'<geom name="deck" type="box" pos="0 0 {-0.5 * DECK_THICKNESS_M}" '
-            f'size="{half} {half} {0.5 * DECK_THICKNESS_M}" mass="0.001"/>',
-        ]
+    geom = (
+        f'<geom name="deck" type="box" pos="0 0 {-0.5 * DECK_THICKNESS_M}" '
+        f'size="{half} {half} {0.5 * DECK_THICKNESS_M}" mass="0.001"/>'
     )
+    return "\n      ".join(["", *joints, geom])
 
 
 def _box(name: str, solid: Solid) -> str:
@@ -162,44 +139,13 @@ def _box(name: str, solid: Solid) -> str:
     )
 
 
-class DeckState(NamedTuple):
-    """The deck in `ned`.
-
-    Attributes:
-        origin_m, velocity_mps, acceleration_mps2: of the deck's centre.
-        angles_rad, rates_rad_s, accelerations_rad_s2: roll, pitch, yaw (course and the deck's own) and derivatives.
-        ned_from_deck: rotation, row by row.
-        turn_rad_s: angular velocity vector.
-    """
-
-    origin_m: Vector
-    velocity_mps: Vector
-    acceleration_mps2: Vector
-    angles_rad: Vector
-    rates_rad_s: Vector
-    accelerations_rad_s2: Vector
-    ned_from_deck: Rows
-    turn_rad_s: Vector
-
-    @staticmethod
-    def of(values: Array) -> DeckState:
-        """From its (30,) values in their order."""
-        (x, y, z, u, v, w, a, b, c, roll, pitch, yaw, p, q, r, d, e, f, *rows, i, j, k) = values.tolist()
-        moving, turning = ((x, y, z), (u, v, w), (a, b, c)), ((roll, pitch, yaw), (p, q, r), (d, e, f))
-        return DeckState(*moving, *turning, tuple(rows), (i, j, k))
-
-    def point_in_deck(self, position_m: Vector, ned_from_body: Rows, place_in_body_m: Vector) -> Vector:
-        """A point of a body at `position_m` in `ned`, in `deck`."""
-        a, b, c = place_in_body_m
-        r, m, origin = ned_from_body, self.ned_from_deck, self.origin_m
-        x = position_m[0] + r[0] * a + r[1] * b + r[2] * c - origin[0]
-        y = position_m[1] + r[3] * a + r[4] * b + r[5] * c - origin[1]
-        z = position_m[2] + r[6] * a + r[7] * b + r[8] * c - origin[2]
-        return m[0] * x + m[3] * y + m[6] * z, m[1] * x + m[4] * y + m[7] * z, m[2] * x + m[5] * y + m[8] * z
-
-
 def deck_values(ship: ShipState) -> Array:
-    """(30,) the deck's motion in `ned`, in the order of `DeckState`."""
+    """(30,) the deck's motion in `ned`.
+
+    Place, velocity and acceleration of its centre; roll, pitch and yaw (course and the deck's own), their rates and
+    accelerations; rotation ned_from_deck, row by row; angular velocity vector. As the group `deck` of the aircraft's
+    record, where all these are named.
+    """
     values = np.empty(30)
     deck_in_ned(ship.course.values, ship.deck.values, ship.rig.deck_height_m, values)
     return values
@@ -217,7 +163,7 @@ def deck_in_ned(course: Array, deck_in_ship: Array, deck_height_m: float, deck: 
         course: (9,) of `CourseState.values`.
         deck_in_ship: (18,) of `SixDof.values`.
         deck_height_m: of its neutral point over the sea plane.
-        deck: (30,) written to, in the order of `DeckState`.
+        deck: (30,) written to, in the order of `deck_values`.
     """
     north, east, v_north, v_east, a_north, a_east, angle, w, e = course
     dx, dy, dz, roll, pitch, yaw = deck_in_ship[:6]
@@ -243,18 +189,20 @@ def deck_in_ned(course: Array, deck_in_ship: Array, deck_height_m: float, deck: 
     deck[29] = yaw_rate - roll_rate * sp
 
 
-def against_deck(deck: Array, motion: Array) -> OnDeck:
-    """A body against the deck.
-
-    Args:
-        deck: (30,) as in `DeckState`.
-        motion: (13,) as in `RigidBodyState`.
-    """
-    return OnDeck(*_against_deck(deck, motion))
+@compiled
+def point_in_deck(deck: Array, motion: Array, place_in_body_m: Vector) -> Vector:
+    """A point of a body with a motion (13,), as in `RigidBodyState`, in `deck`, whose motion (30,) is `deck_values`."""
+    a, b, c = place_in_body_m
+    r, m = rows_of_quaternion(motion[3], motion[4], motion[5], motion[6]), deck[18:27]
+    x = motion[0] + r[0] * a + r[1] * b + r[2] * c - deck[0]
+    y = motion[1] + r[3] * a + r[4] * b + r[5] * c - deck[1]
+    z = motion[2] + r[6] * a + r[7] * b + r[8] * c - deck[2]
+    return m[0] * x + m[3] * y + m[6] * z, m[1] * x + m[4] * y + m[7] * z, m[2] * x + m[5] * y + m[8] * z
 
 
 @compiled
-def _against_deck(deck: Array, motion: Array) -> tuple[Vector, Vector, float]:
+def against_deck(deck: Array, motion: Array) -> tuple[Vector, Vector, float]:
+    """The values of `OnDeck` for a body; arguments as of `point_in_deck`."""
     x, y, z = motion[0] - deck[0], motion[1] - deck[1], motion[2] - deck[2]
     p, q, r = deck[27:]
     u = motion[7] - deck[3] - (q * z - r * y)
@@ -269,36 +217,6 @@ def _against_deck(deck: Array, motion: Array) -> tuple[Vector, Vector, float]:
     )
 
 
-class DeckDriver:
-    """Writes the ship into MuJoCo's data.
-
-    MuJoCo's integrator is semi-implicit: its velocities belong half a step before its positions. The deck's velocity
-    is set that way too, or what stands on a deck with acceleration a creeps at ½ a step_s (1 mm/s in a turn).
-    """
-
-    def __init__(self, model: Model, data: mujoco.MjData) -> None:
-        self._half_step_s = 0.5 * model.mj.opt.timestep
-        self._joints = data.qpos[7:13], data.qvel[6:12], data.qfrc_applied[6:12]
-        self._ship = data.mocap_pos[model.ship_mocap], data.mocap_quat[model.ship_mocap]
-        self._bar = data.mocap_pos[model.board_mocap], data.mocap_quat[model.board_mocap]
-
-    def set_deck(self, deck: Array) -> None:
-        """Joint coordinates of the deck, (30,) as in `DeckState`."""
-        _set_deck(deck, self._half_step_s, self._joints)
-
-    def set_hull(self, ship: ShipState, deck: Array) -> None:
-        """Poses of the superstructure and of the board."""
-        _set_hull(
-            deck,
-            ship.course.values,
-            ship.rig.bar_in_ship_m,
-            ship.rig.deck_height_m,
-            ship.full_ship,
-            self._ship,
-            self._bar,
-        )
-
-
 @compiled
 def _set_deck(deck: Array, half_step_s: float, joints: tuple[Array, Array, Array]) -> None:
     """Place, velocity, force: x y z yaw pitch roll in `mujoco`: east, down, yaw and pitch change sign."""
@@ -310,7 +228,7 @@ def _set_deck(deck: Array, half_step_s: float, joints: tuple[Array, Array, Array
 
 
 _JOINTS = ((0, 1.0), (1, -1.0), (2, -1.0), (11, -1.0), (10, -1.0), (9, 1.0))
-"""Of each joint of the deck: its coordinate in `DeckState`, three before its rate and six before its acceleration."""
+"""Of each joint of the deck: its coordinate in `deck_values`, three before its rate and six before its acceleration."""
 
 
 @compiled
@@ -345,7 +263,6 @@ def _set_pose(pose: tuple[Array, Array], place_m: Vector, angles_rad: Vector) ->
     turn[0], turn[1], turn[2], turn[3] = w, x, -y, -z
 
 
-_PARTS = (FOOT, BODY, ROTOR)
 _FAULTS = {
     (ROTOR, DECK): "a rotor struck the deck",
     (BODY, DECK): "the fuselage struck the deck",
@@ -363,35 +280,53 @@ AT_REST: Vector = (0.0, 0.0, 0.0)
 """Velocity of what stands still."""
 
 
-class Body:
-    """The aircraft's part of MuJoCo's data.
+class Bodies:
+    """MuJoCo's data: the aircraft, whose motion and wrench stand in its record, and the ship.
+
+    MuJoCo's integrator is semi-implicit: its velocities belong half a step before its positions. The deck's velocity
+    is set that way too, or what stands on a deck with acceleration a creeps at ½ a step_s (1 mm/s in a turn).
 
     Args:
-        rig: the deck's size.
+        rig: dimensions of the ship.
         shape: of the aircraft.
-        model: the compiled model.
-        data: its state.
-        record: the aircraft's state: where it is and how it moves, and the wrench on it.
+        step_s: physics step.
+        record: the aircraft's, in which the deck's motion stands too.
     """
 
-    def __init__(self, rig: Rig, shape: Shape, model: Model, data: mujoco.MjData, record: Record) -> None:
+    def __init__(self, rig: Rig, shape: Shape, step_s: float, record: Record) -> None:
         import mujoco
 
-        self._shape, self._model, self._data, self._record = shape, model, data, record
+        self.model = build_model(rig, shape, step_s)
+        self.data = data = mujoco.MjData(self.model.mj)
         self._mj_step, self._mj_contact_force = mujoco.mj_step, mujoco.mj_contactForce
+        self._shape, self._record, self._half_step_s = shape, record, 0.5 * step_s
         self._half_deck_m = 0.5 * rig.deck_size_m
         self._place, self._velocity, self._force = data.qpos[0:7], data.qvel[0:6], data.qfrc_applied[0:6]
-        motion = record.values[at("motion")]
-        self._own_place, self._own_velocity = motion[:7], motion[7:]
+        self._joints = data.qpos[7:13], data.qvel[6:12], data.qfrc_applied[6:12]
+        ship, bar = self.model.ship_mocap, self.model.board_mocap
+        self._ship = data.mocap_pos[ship], data.mocap_quat[ship]
+        self._bar = data.mocap_pos[bar], data.mocap_quat[bar]
+        self._own_motion, self._deck = record.values[at("motion")], record.values[at("deck")]
+        self._own_place, self._own_velocity = self._own_motion[:7], self._own_motion[7:]
         self._own_wrench = record.values[at("wrench")]
         self._force_of_contact = np.zeros(6)
         self._motion: RigidBodyState | None = None
         self._moved = False
 
+    def set_deck(self) -> None:
+        """Set the deck's joints by the record."""
+        _set_deck(self._deck, self._half_step_s, self._joints)
+
+    def set_hull(self, ship: ShipState) -> None:
+        """Set the poses of the superstructure and of the board."""
+        rig, course = ship.rig, ship.course.values
+        deck, bar_m = deck_values(ship), rig.bar_in_ship_m
+        _set_hull(deck, course, bar_m, rig.deck_height_m, ship.full_ship, self._ship, self._bar)
+
     def put(
         self, position_m: Vector, roll_rad: float, pitch_rad: float, heading_rad: float, velocity_mps: Vector = AT_REST
     ) -> None:
-        """Place it."""
+        """Place the aircraft."""
         self._own_place[:3] = position_m
         self._own_place[3:] = quaternion_from_euler(roll_rad, pitch_rad, heading_rad)
         self._own_velocity[:] = (*velocity_mps, *AT_REST)
@@ -403,13 +338,13 @@ class Body:
             np.multiply(self._own_place, _PLACE_SIGNS, out=self._place)
             np.multiply(self._own_velocity, _VELOCITY_SIGNS, out=self._velocity)
         np.multiply(self._own_wrench, _VELOCITY_SIGNS, out=self._force)
-        self._mj_step(self._model.mj, self._data, count)
+        self._mj_step(self.model.mj, self.data, count)
         np.multiply(self._place, _PLACE_SIGNS, out=self._own_place)
         np.multiply(self._velocity, _VELOCITY_SIGNS, out=self._own_velocity)
         self._motion, self._moved = None, False
 
     def motion(self) -> RigidBodyState:
-        """Where it is and how it moves."""
+        """Where the aircraft is and how it moves."""
         if self._motion is None:
             self._motion = self._record.motion
         return self._motion
@@ -419,42 +354,36 @@ class Body:
         self._motion, self._moved = None, True
 
     @property
-    def down_m(self) -> float:
-        """`ned` z of the centre of mass."""
-        return self.motion().position_m[2]
-
-    @property
     def in_contact(self) -> bool:
         """Whether anything touches."""
-        return bool(self._data.ncon)
+        return bool(self.data.ncon)
 
-    def over_deck(self, motion: RigidBodyState, deck: DeckState) -> Clearance:
-        """Heights of points of the aircraft over the deck; infinite beside or below it."""
-        rows, half, position_m = rows_from_quaternion(*motion.quaternion), self._half_deck_m, motion.position_m
+    def over_deck(self, place_in_body_m: Vector) -> float:
+        """Height of a point of the aircraft over the deck; infinite beside or below it."""
+        x, y, z = point_in_deck(self._deck, self._own_motion, place_in_body_m)
+        half = self._half_deck_m
+        return -z if abs(x) < half and abs(y) < half and z < 0.0 else math.inf
 
-        def clearance_m(place_in_body_m: Vector) -> float:
-            x, y, z = deck.point_in_deck(position_m, rows, place_in_body_m)
-            return -z if abs(x) < half and abs(y) < half and z < 0.0 else math.inf
-
-        return clearance_m
-
-    def range_m(self, motion: RigidBodyState, deck: DeckState) -> float:
+    def range_m(self) -> float:
         """Clearance of the lowest foot over the deck's plane, as a downward range finder gives it; infinite beside."""
         half = self._half_deck_m
-        rows = rows_from_quaternion(*motion.quaternion)
-        feet = [deck.point_in_deck(motion.position_m, rows, foot) for foot in self._shape.feet_m]
+        feet = [point_in_deck(self._deck, self._own_motion, foot) for foot in self._shape.feet_m]
         over = [-foot[2] for foot in feet if abs(foot[0]) < half and abs(foot[1]) < half]
-        return max(min(over), 0.0) if over else float("inf")
+        return max(min(over), 0.0) if over else math.inf
+
+    def on_deck(self) -> OnDeck:
+        """The aircraft against the deck."""
+        return OnDeck(*against_deck(self._deck, self._own_motion))
 
     def touch(self) -> Contacts:
         """The contacts of the last physics step."""
-        parts = self._model.part_of_geom
+        parts = self.model.part_of_geom
         feet: set[int] = set()
         force_n, fault = 0.0, ""
-        for index, pair in enumerate(self._data.contact.geom[: self._data.ncon].tolist()):
+        for index, pair in enumerate(self.data.contact.geom[: self.data.ncon].tolist()):
             own, other = sorted(pair)
             if parts[own] == FOOT and parts[other] == DECK:
-                self._mj_contact_force(self._model.mj, self._data, index, self._force_of_contact)
+                self._mj_contact_force(self.model.mj, self.data, index, self._force_of_contact)
                 if self._force_of_contact[0] > 0.0:
                     feet.add(own)
                     force_n += float(self._force_of_contact[0])

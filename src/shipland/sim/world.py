@@ -9,30 +9,32 @@ import numpy as np
 
 from shipland.camera import CameraParameters
 from shipland.config import key, parameters, require
+from shipland.factories import resolve
 from shipland.frames import GRAVITY_MPS2
 from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
-from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor, build_aircraft
+from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor
 from shipland.sim.aircraft.loops import CENTRED, Sticks
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
 from shipland.sim.aircraft.record import Record, RigidBodyState, at
 from shipland.sim.aircraft.sensors import (
-    Gimbal,
     LandingDetector,
+    Normals,
     Readings,
     Senses,
     clearance_m,
     reach_m,
     read_instruments,
     sense,
+    set_gimbal,
     set_surface,
     step_gimbal,
 )
 from shipland.sim.aircraft.step import fly_free, tick
-from shipland.sim.contact import Body, DeckDriver, DeckState, against_deck, build_model, deck_in_ned, deck_values
+from shipland.sim.contact import Bodies, deck_in_ned
 from shipland.sim.ship.ship import Ship, ShipState
 from shipland.sim.state import SceneState, Snapshot, scene_of, truth_of
-from shipland.sim.touchdown import NO_TOUCH, Judge, OnDeck, VerdictParameters
+from shipland.sim.touchdown import NO_TOUCH, Judge, VerdictParameters
 from shipland.sim.wind import Wind
 
 STEP_S = 0.002
@@ -116,6 +118,9 @@ class World:
         rng: seeds the start, the sensors and the gimbal.
         water: the ship is at sea, not on land: what optical flow sees around it.
         grid: the time grid.
+
+    Raises:
+        ConfigError: there is no such aircraft or inner loop.
     """
 
     def __init__(
@@ -135,15 +140,11 @@ class World:
         self._camera, self._aircraft, self._ship, self._wind = camera_parameters, aircraft, ship, wind
         start_rng, sense_rng, gimbal_rng, range_rng, self._reading_rng = rng.spawn(5)
         tick_s, sensors, loop = grid.tick_s, aircraft.sensors, aircraft.loop
-        self._flier = build_aircraft(aircraft, tick_s)
+        self._flier: Aircraft = resolve("aircraft", aircraft.kind)(aircraft, tick_s)
         self._record = self._flier.record if isinstance(self._flier, Quadrotor) else Record(aircraft, tick_s)
         shape = self._flier.shape
-        model = build_model(rig, shape, grid.step_s)
-        data = model.start()
-        self._body = Body(rig, shape, model, data, self._record)
+        self._bodies = Bodies(rig, shape, grid.step_s, self._record)
         self._foot_below_m = shape.foot_below_m
-        self._stage = DeckDriver(model, data)
-        self._deck_now: DeckState | None = None
         self._unstaged_deck = False
         self._unstaged_hull: ShipState | None = None
         self._judge = Judge(verdict, rig.landing_square_m, rig.landing_area)
@@ -168,15 +169,14 @@ class World:
         position_m, heading_rad = self._draw_start(start, start_rng)
         self._sample_air(self._set_ship(hull=True), position_m)
         roll_rad, pitch_rad = self._flier.trim(self._wind_mps, heading_rad)
-        self._body.put(position_m, roll_rad, pitch_rad, heading_rad)
+        self._bodies.put(position_m, roll_rad, pitch_rad, heading_rad)
 
         over_ground = loop.velocity_reference == "ground"
         self._senses = Senses(self._record, sensors, over_ground, grid.air_every * grid.step_s, sense_rng)
         self._senses.look()
-        self._gimbal = Gimbal(self._record, camera_parameters, sensors, tick_s, gimbal_rng)
-        self._touchdown = LandingDetector(
-            loop.land_range_m, loop.land_confirm_s, sensors.range_noise_m, tick_s, range_rng
-        )
+        self._gimbal_normals = Normals(gimbal_rng)
+        set_gimbal(self._record, camera_parameters, sensors, tick_s, self._gimbal_normals)
+        self._touchdown = LandingDetector(loop, sensors.range_noise_m, tick_s, range_rng)
         sense(self._record.states[0], self._record.constants[0])
         self._sensed_s = 0.0
         self._flier.begin(self._record.sensed)
@@ -236,24 +236,24 @@ class World:
             if self._reach_m < self._near_deck_m:
                 if phase:
                     self._set_ship(hull=False)
-                if self._judge.verdict is None and (phase == 0 or self._body.in_contact):
+                if self._judge.verdict is None and (phase == 0 or self._bodies.in_contact):
                     self._judge_now()
                 count = 1
             self._set_stage()
-            self._body.step(count)
+            self._bodies.step(count)
             self._steps += count
             self._look_for_crash()
 
     def _look_around(self) -> None:
         """Set the ship, sample the air and what is in view, and see whether anything can touch the aircraft soon."""
-        record, motion = self._record, self._body.motion()
+        record, motion = self._record, self._bodies.motion()
         self._reach_m = reach_m(record.states)
         near = self._reach_m < self._near_ship_m
         self._sample_air(self._set_ship(hull=near), motion.position_m)
         self._senses.look()
         flown_m = self._air_every * self._step_s * math.hypot(*motion.velocity_mps)
         margin_m = max(CLEAR_M, self._touchdown.listen_m) + flown_m
-        free = self._packaged and self._motors_run and not self._judge.touched and not self._body.in_contact
+        free = self._packaged and self._motors_run and not self._judge.touched and not self._bodies.in_contact
         self._clear = free and (not near or clearance_m(record.states, record.constants) > margin_m)
 
     def _fly_free(self, phase: int, end: int) -> bool:
@@ -268,8 +268,10 @@ class World:
         record.values[_STICKS] = self._sticks if fresh else CENTRED
         record.values[_DECK_S] = self.t_s - self._ship_s
         ticks = (phase + count + every - 1) // every - (phase + every - 1) // every
-        steps: int = fly_free(record.states, record.constants, self._gimbal.draw(ticks), phase, every, count)
-        self._body.moved()
+        steps: int = fly_free(
+            record.states, record.constants, self._gimbal_normals.draws(2 * ticks), phase, every, count
+        )
+        self._bodies.moved()
         last_tick = (self._steps + steps - 1) // every * every
         if steps and last_tick >= self._steps:
             self._sensed_s = last_tick * self._step_s
@@ -282,7 +284,7 @@ class World:
         return self.t_s - self._command_s < self._aircraft.settings.command_timeout_s - 1e-9
 
     def _control(self) -> None:
-        motion = self._body.motion()
+        motion = self._bodies.motion()
         self._reach_m = reach_m(self._record.states)
         if self._steps % self._air_every and self._reach_m < self._near_ship_m:
             self._set_ship(hull=True)
@@ -291,27 +293,20 @@ class World:
         if self._packaged:
             record.values[_STICKS] = sticks
             record.values[_DECK_S] = 0.0
-            tick(record.states, record.constants, self._gimbal.draw(1), self._motors_run)
+            tick(record.states, record.constants, self._gimbal_normals.draws(2), self._motors_run)
         else:
             state, constants = record.states[0], record.constants[0]
-            step_gimbal(state, constants, *self._gimbal.draw(1).tolist())
+            step_gimbal(state, constants, *self._gimbal_normals.draws(2).tolist())
             sense(state, constants)
-            over_deck = self._body.over_deck(motion, self._deck) if self._reach_m < self._near_deck_m else None
+            over_deck = self._bodies.over_deck if self._reach_m < self._near_deck_m else None
             piloted = sticks if self._motors_run else None
             force, moment = self._flier.step(motion, record.sensed, piloted, self._wind_mps, over_deck)
             record.values[_WRENCH] = (*force, *moment)
         self._sensed_s = self.t_s
         if self._motors_run:
-            self._feel_deck(motion, (down_mps - motion.velocity_mps[2]) / self._tick_s, self._land and fresh)
+            self._feel_deck((down_mps - motion.velocity_mps[2]) / self._tick_s, self._land and fresh)
             if _upright(motion) < math.cos(CUT_OFF_RAD):
                 self._motors_run = False
-
-    @property
-    def _deck(self) -> DeckState:
-        """The deck as it was set last."""
-        if self._deck_now is None:
-            self._deck_now = DeckState.of(self._record.values[_DECK])
-        return self._deck_now
 
     def _set_ship(self, hull: bool) -> ShipState:
         """Put the ship of now into the record."""
@@ -319,7 +314,7 @@ class World:
         course = state.course.values
         values[_SHIP] = course
         deck_in_ned(course, state.deck.values, state.rig.deck_height_m, values[_DECK])
-        self._ship_s, self._deck_now, self._unstaged_deck = self.t_s, None, True
+        self._ship_s, self._unstaged_deck = self.t_s, True
         if hull:
             self._unstaged_hull = state
         return state
@@ -327,42 +322,39 @@ class World:
     def _set_stage(self) -> None:
         """Write the ship as it was set last, which MuJoCo needs for its steps alone."""
         if self._unstaged_deck:
-            self._stage.set_deck(self._record.values[_DECK])
+            self._bodies.set_deck()
         if self._unstaged_hull is not None:
-            self._stage.set_hull(self._unstaged_hull, deck_values(self._unstaged_hull))
+            self._bodies.set_hull(self._unstaged_hull)
         self._unstaged_deck, self._unstaged_hull = False, None
 
     def _sample_air(self, state: ShipState, position_m: Vector) -> None:
         self._wind_mps = self._wind.velocity_at(self.t_s, position_m, state.place)
         self._record.values[_AIR] = self._wind_mps
 
-    def _feel_deck(self, motion: RigidBodyState, jolt_mps2: float, landing: bool) -> None:
+    def _feel_deck(self, jolt_mps2: float, landing: bool) -> None:
         """Stop the motors once the aircraft takes itself for landed."""
         near = landing and self._reach_m < self._near_deck_m
-        range_m = self._body.range_m(motion, self._deck) if near else math.inf
+        range_m = self._bodies.range_m() if near else math.inf
         if self._touchdown.landed(range_m, jolt_mps2 > IMPACT_MPS2):
             self._motors_run = False
 
-    def _on_deck(self) -> OnDeck:
-        return against_deck(self._record.values[_DECK], self._record.values[_MOTION])
-
     def _judge_now(self) -> None:
         """Show the judge the last step's contacts."""
-        touch = self._body.touch() if self._body.in_contact else NO_TOUCH
-        self._judge.follow(self.t_s, self._on_deck(), touch, self._motors_run)
+        touch = self._bodies.touch() if self._bodies.in_contact else NO_TOUCH
+        self._judge.follow(self.t_s, self._bodies.on_deck(), touch, self._motors_run)
         if touch.fault:
             self._motors_run = False
 
     def _look_for_crash(self) -> None:
         """Faults away from the deck: the sea, and the ship's far end."""
-        if self._body.down_m > -self._foot_below_m:
+        if self._bodies.motion().position_m[2] > -self._foot_below_m:
             self._crash("fell into the sea")
-        elif self._body.in_contact and self._reach_m >= self._near_deck_m:
-            self._crash(self._body.touch().fault)
+        elif self._bodies.in_contact and self._reach_m >= self._near_deck_m:
+            self._crash(self._bodies.touch().fault)
 
     def _crash(self, fault: str) -> None:
         if fault:
-            self._judge.crash(self.t_s, self._on_deck(), fault)
+            self._judge.crash(self.t_s, self._bodies.on_deck(), fault)
             self._motors_run = False
 
     def verdict(self) -> TouchdownVerdict | None:
@@ -421,7 +413,7 @@ class World:
         """The instant in a few floats; `truth` and `scene_state` make the rest of it, when it is wanted."""
         pitch_rad, rate_rad_s, roll_noise, pitch_noise, roll_bias, pitch_bias = self._record.values[_GIMBAL].tolist()
         errors_rad = (roll_bias + roll_noise, pitch_bias + pitch_noise)
-        return Snapshot(self.t_s, *self._body.motion(), pitch_rad, rate_rad_s, errors_rad, self._wind_mps)
+        return Snapshot(self.t_s, *self._bodies.motion(), pitch_rad, rate_rad_s, errors_rad, self._wind_mps)
 
     def truth(self, snapshot: Snapshot | None = None) -> GroundTruth:
         """The truth of now, or of a snapshot."""
@@ -435,7 +427,6 @@ class World:
 
 
 _AIR, _STICKS, _GIMBAL_WANTED, _WRENCH = at("air"), at("sticks"), at("gimbal_wanted"), at("wrench")
-_MOTION = at("motion")
 _DECK, _SHIP, _DECK_S, _GIMBAL = at("deck"), at("ship"), at("deck_s"), slice(at("gimbal").start, at("gimbal_bias").stop)
 _W_AT_TICK, _FLOW_LOST = at("w_at_tick").start, at("seen").stop - 1
 

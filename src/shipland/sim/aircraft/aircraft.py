@@ -115,17 +115,3 @@ class Quadrotor:
         mix(record.states[0], record.constants[0])
         asked_n: list[float] = record.values[at("asked")].tolist()
         return asked_n
-
-
-def build_aircraft(parameters: AircraftParameters, step_s: float) -> Aircraft:
-    """The aircraft of `aircraft.kind` at its start; it makes its own inner loop.
-
-    Args:
-        parameters: section `[aircraft]`.
-        step_s: time between control steps [s].
-
-    Raises:
-        ConfigError: there is no such aircraft or inner loop.
-    """
-    aircraft: Aircraft = resolve("aircraft", parameters.kind)(parameters, step_s)
-    return aircraft

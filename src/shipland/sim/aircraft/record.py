@@ -101,7 +101,7 @@ _GROUPS = {
     "gimbal_wanted": ("gimbal_wanted",),
     "air": ("air_n", "air_e", "air_d"),
     # the deck as it was `deck_s` ago: centre, velocity, acceleration; angles, rates, accelerations; its rotation row by
-    # row, its angular velocity (`DeckState`); the ship under it
+    # row, its angular velocity (`contact.deck_values`); the ship under it
     "deck": (
         *("deck_x", "deck_y", "deck_z", "deck_u", "deck_v", "deck_w", "deck_au", "deck_av", "deck_aw"),
         *("deck_roll", "deck_pitch", "deck_yaw", "deck_p", "deck_q", "deck_r", "deck_ap", "deck_aq", "deck_ar"),

@@ -12,7 +12,7 @@ from shipland.compiled import compiled
 from shipland.frames import Array, wrap_angle
 from shipland.rig import Rig, view_share
 from shipland.sim.aircraft.loops import clip
-from shipland.sim.aircraft.parameters import SensorParameters, Vector
+from shipland.sim.aircraft.parameters import LoopParameters, SensorParameters, Vector
 from shipland.sim.aircraft.record import Constants, Record, Records, Sensed, State, at
 from shipland.sim.rotations import euler_of_quaternion
 
@@ -101,10 +101,6 @@ class Normals:
         self._rng = rng
         self._values, self._next = np.empty(0), 0
 
-    def draw(self) -> float:
-        """The next one."""
-        return float(self.draws(1)[0])
-
     def draws(self, count: int) -> Array:
         """The next `count`."""
         first, self._next = self._next, self._next + count
@@ -187,41 +183,20 @@ def _coloured(deviation: float, time_s: float, step_s: float) -> tuple[float, fl
     return keep, deviation * math.sqrt(1.0 - keep * keep)
 
 
-class Gimbal:
-    """The camera's gimbal in the aircraft's record, and its noise.
-
-    Args:
-        record: the aircraft's.
-        camera: rate, range, bias and residual.
-        sensors: the residual's time constant.
-        tick_s: time between steps.
-        rng: noise.
-    """
-
-    def __init__(
-        self,
-        record: Record,
-        camera: CameraParameters,
-        sensors: SensorParameters,
-        tick_s: float,
-        rng: np.random.Generator,
-    ) -> None:
-        self._normals = Normals(rng)
-        bias, noise = (self._normals.draws(2) for _ in range(2))
-        record.values[at("gimbal_bias")] = camera.gimbal_bias_rad * bias
-        record.values[at("gimbal_noise")] = camera.gimbal_noise_rad * noise
-        keep, add = _coloured(camera.gimbal_noise_rad, sensors.gimbal_noise_time_s, tick_s)
-        record.set(
-            gimbal_min=camera.gimbal_min_rad,
-            gimbal_max=camera.gimbal_max_rad,
-            gimbal_most=camera.gimbal_rate_rad_s * tick_s,
-            gimbal_keep=keep,
-            gimbal_add=add,
-        )
-
-    def draw(self, ticks: int) -> Array:
-        """(2 ticks,) normal numbers of the residual motion, for `step_gimbal`."""
-        return self._normals.draws(2 * ticks)
+def set_gimbal(
+    record: Record, camera: CameraParameters, sensors: SensorParameters, tick_s: float, normals: Normals
+) -> None:
+    """Set the gimbal's constants, and draw its bias and the beginning of its residual motion."""
+    record.values[at("gimbal_bias")] = camera.gimbal_bias_rad * normals.draws(2)
+    record.values[at("gimbal_noise")] = camera.gimbal_noise_rad * normals.draws(2)
+    keep, add = _coloured(camera.gimbal_noise_rad, sensors.gimbal_noise_time_s, tick_s)
+    record.set(
+        gimbal_min=camera.gimbal_min_rad,
+        gimbal_max=camera.gimbal_max_rad,
+        gimbal_most=camera.gimbal_rate_rad_s * tick_s,
+        gimbal_keep=keep,
+        gimbal_add=add,
+    )
 
 
 class Senses:
@@ -318,24 +293,20 @@ class LandingDetector:
     Two low-passes of the noisy range give it and its rate.
 
     Args:
-        range_m: under which the aircraft may take itself for landed.
-        confirm_s: for how long, with an impact or no more descent.
+        loop: under which range, and for how long, the aircraft may take itself for landed.
         noise_m: of one reading.
         step_s: time between readings [s].
         rng: draws the noise.
     """
 
     LISTEN_M = 0.1
-    """Readings above this, and above three times `range_m`, count as no surface."""
+    """Readings above this, and above three times `land_range_m`, count as no surface."""
     _FILTER_S = 0.03
     _STILL_MPS = 0.05
 
-    def __init__(
-        self, range_m: float, confirm_s: float, noise_m: float, step_s: float, rng: np.random.Generator
-    ) -> None:
-        self._limit_m, self._confirm_s, self._noise_m, self._step_s = range_m, confirm_s, noise_m, step_s
-        self._normals = Normals(rng)
-        self.listen_m = max(self.LISTEN_M, 3.0 * range_m)
+    def __init__(self, loop: LoopParameters, noise_m: float, step_s: float, rng: np.random.Generator) -> None:
+        self._loop, self._noise_m, self._step_s, self._normals = loop, noise_m, step_s, Normals(rng)
+        self.listen_m = max(self.LISTEN_M, 3.0 * loop.land_range_m)
         self._share = -math.expm1(-step_s / self._FILTER_S)
         self.reset()
 
@@ -354,15 +325,15 @@ class LandingDetector:
         if range_m > self.listen_m:
             self.reset()
             return False
-        reading_m = range_m + self._noise_m * self._normals.draw()
+        reading_m = range_m + self._noise_m * float(self._normals.draws(1)[0])
         if math.isinf(self._range_m):
             self._range_m = self._slow_m = reading_m
         self._range_m += self._share * (reading_m - self._range_m)
         self._slow_m += self._share * (self._range_m - self._slow_m)
-        if self._range_m > self._limit_m:
+        if self._range_m > self._loop.land_range_m:
             self._landed_for_s, self._impact = 0.0, False
             return False
         self._impact = self._impact or impact
         ended = (self._slow_m - self._range_m) / self._FILTER_S < self._STILL_MPS
         self._landed_for_s = self._landed_for_s + self._step_s if self._impact or ended else 0.0
-        return self._landed_for_s >= self._confirm_s
+        return self._landed_for_s >= self._loop.land_confirm_s
