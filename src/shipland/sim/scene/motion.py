@@ -39,8 +39,7 @@ def homographies(
             moved -= time_s / plane[1] * np.outer(velocity, plane[0])
         return np.asarray(camera.matrix @ turned @ moved @ inverse)
 
-    first, last = (_apply(at(share * shutter_s), corners_px) for share in (-0.5, 0.5))
-    path_px = float(np.linalg.norm(last - first, axis=1).max())
+    path_px = longest_way_px([at(-0.5 * shutter_s), at(0.5 * shutter_s)], corners_px)
     if not path_px > _LEAST_PX:
         return []
     count = int(np.clip(np.ceil(path_px) + 1, 3, _MOST_INSTANTS))

@@ -6,8 +6,6 @@ squared slope, crest; the first three in units of a gain, the fourth of the heig
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 import scipy.fft
@@ -53,12 +51,6 @@ def _encode(slopes: npt.NDArray[np.complex64], crest: npt.NDArray[np.float32], g
     return texels.astype(np.uint8)
 
 
-@dataclass(frozen=True)
-class _Long:
-    height_spectrum: npt.NDArray[np.complex64]
-    rate_rad_s: npt.NDArray[np.float32]
-
-
 class WaveTiles:
     """The two tiles.
 
@@ -80,7 +72,7 @@ class WaveTiles:
         self.wind_speed_mps, self._direction_rad = wind_speed_mps, wave_direction_rad
         peak_m = max(float(peak_wavelength_m(height_m)), 2.0)
         self.long_tile_m = 4.0 * peak_m
-        self._long, long_variance = self._make_long(height_m, peak_m, wave_direction_rad, rng)
+        long_variance = self._make_long(height_m, peak_m, wave_direction_rad, rng)
         self.height_deviation_m = 0.25 * height_m
         wanted = max(cox_munk_variance(wind_speed_mps), 0.0035)
         short_variance = max(0.85 * wanted - 2.0 * long_variance, 0.25 * wanted)
@@ -91,9 +83,8 @@ class WaveTiles:
         self.slope_variance = 2.0 * long_variance + short_variance + self.residual_variance
         self.short_texels = self._make_short(short_variance, wave_direction_rad, rng)
 
-    def _make_long(
-        self, height_m: float, peak_m: float, direction_rad: float, rng: np.random.Generator
-    ) -> tuple[_Long, float]:
+    def _make_long(self, height_m: float, peak_m: float, direction_rad: float, rng: np.random.Generator) -> float:
+        """Make the long tile's spectrum; its squared slope."""
         north, east, number = _wave_numbers(LONG_SIZE, self.long_tile_m)
         safe = np.maximum(number, 1e-9)
         peak = 2.0 * np.pi / peak_m
@@ -107,10 +98,12 @@ class WaveTiles:
         heights = np.fft.ifft2(amplitude).real
         # Two turned copies of the tile are laid over each other: each carries half the variance.
         amplitude *= 0.25 * height_m / np.sqrt(2.0) / heights.std()
-        variance = float(np.mean(np.abs(self._slopes(amplitude, north, east)) ** 2))
-        rate = np.sqrt(GRAVITY_MPS2 * number)
+        self._heights, self._rate_rad_s = (
+            amplitude.astype(np.complex64),
+            np.sqrt(GRAVITY_MPS2 * number).astype(np.float32),
+        )
         self._north, self._east = north.astype(np.float32), east.astype(np.float32)
-        return _Long(amplitude.astype(np.complex64), rate.astype(np.float32)), variance
+        return float(np.mean(np.abs(self._slopes(amplitude, north, east)) ** 2))
 
     @staticmethod
     def _mirror(spectrum: npt.NDArray[np.complexfloating]) -> npt.NDArray[np.complexfloating]:
@@ -126,7 +119,7 @@ class WaveTiles:
 
     def long_texels(self, t_s: float) -> Texels:
         """(128,128,4) the long tile at a time [s]; row is east, column is north."""
-        turned = self._long.height_spectrum * np.exp(-1j * (self._long.rate_rad_s * np.float32(1.0)) * t_s)
+        turned = self._heights * np.exp(-1j * self._rate_rad_s * t_s)
         hermitian = (0.5 * (turned + np.conj(self._mirror(turned)))).astype(np.complex64)
         slopes = scipy.fft.ifft2((self._east - 1j * self._north) * hermitian)
         height = scipy.fft.ifft2(hermitian).real

@@ -81,16 +81,20 @@ def picture_polygon(crop: Crop, line: Array | None = None, offset_px: float = 0.
     box: Array = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
     if line is None:
         return box
-    values = np.asarray(box @ line[:2] + line[2] + offset_px)
+    return _cut(box, np.asarray(box @ line[:2] + line[2] + offset_px))
+
+
+def _cut(corners: Array, values: Array) -> Array:
+    """The part (n,k) of a convex polygon (m,k) where a linear function with these values (m,) at its corners is ≥ 0."""
     kept: list[Array] = []
-    for index in range(4):
-        here, there = index, (index + 1) % 4
+    for here in range(len(corners)):
+        there = (here + 1) % len(corners)
         if values[here] >= 0.0:
-            kept.append(box[here])
+            kept.append(corners[here])
         if (values[here] >= 0.0) != (values[there] >= 0.0):
             share = values[here] / (values[here] - values[there])
-            kept.append(box[here] + share * (box[there] - box[here]))
-    return np.array(kept).reshape(-1, 2)
+            kept.append(corners[here] + share * (corners[there] - corners[here]))
+    return np.array(kept).reshape(-1, corners.shape[1])
 
 
 def without(crop: Crop, inner: Crop) -> list[Crop]:
@@ -107,15 +111,7 @@ def without(crop: Crop, inner: Crop) -> list[Crop]:
 
 def clipped_polygon(camera: Camera, corners_in_camera_m: Array, near_m: float = 0.05) -> Array:
     """(n,2) pixels of a polygon (m,3) in `camera`, cut where it comes nearer than `near_m`."""
-    kept: list[Array] = []
-    count = len(corners_in_camera_m)
-    for index in range(count):
-        here, there = corners_in_camera_m[index], corners_in_camera_m[(index + 1) % count]
-        if here[2] >= near_m:
-            kept.append(here)
-        if (here[2] >= near_m) != (there[2] >= near_m):
-            kept.append(here + (near_m - here[2]) / (there[2] - here[2]) * (there - here))
-    points = np.array(kept).reshape(-1, 3) @ camera.matrix.T
+    points = _cut(corners_in_camera_m, corners_in_camera_m[:, 2] - near_m) @ camera.matrix.T
     return np.asarray(points[:, :2] / points[:, 2:])
 
 

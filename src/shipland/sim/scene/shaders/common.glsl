@@ -23,6 +23,15 @@ layout(std140) uniform FrameBlock {
 };
 
 #ifdef FRAGMENT
+const mat2 TURN = mat2(0.940, 0.342, -0.342, 0.940); // of the second wave layer against the first
+
+// Slab test of the ray to the sun, `amid` the slabs: its path through a box [m].
+float path_in_box(vec3 amid, vec3 inverse) {
+    vec3 reach = abs(inverse);
+    vec3 near3 = amid - reach, far3 = amid + reach;
+    return min(min(far3.x, far3.y), far3.z) - max(max(near3.x, near3.y), max(near3.z, 0.0));
+}
+
 vec2 picture_px() { return crop.xy + gl_FragCoord.xy * crop.z; }
 #endif
 

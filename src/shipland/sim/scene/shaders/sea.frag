@@ -11,11 +11,7 @@ uniform vec4 hull_plan;          // middle forward, middle starboard, half lengt
 
 float shadow_of(int which, vec3 rel, float edge) {
     vec3 origin = (box_from_rel[which] * vec4(rel, 1.0)).xyz, inverse = sun_in_box[which].xyz;
-    vec3 amid = -origin * inverse, reach = abs(inverse);
-    vec3 near3 = amid - reach, far3 = amid + reach;
-    float enter = max(max(near3.x, near3.y), max(near3.z, 0.0));
-    float leave = min(min(far3.x, far3.y), far3.z);
-    return clamp((leave - enter) * edge, 0.0, 1.0);
+    return clamp(path_in_box(-origin * inverse, inverse) * edge, 0.0, 1.0);
 }
 
 vec2 on_plan_back(vec2 plan) { return plan.x * ship_axis.xy + plan.y * vec2(-ship_axis.y, ship_axis.x); }

@@ -4,7 +4,6 @@ uniform sampler2D long_waves;
 uniform sampler2D short_waves;
 in vec2 ground_m; // from the camera's foot [m]
 in float above_m; // over the mean sea
-const mat2 TURN = mat2(0.940, 0.342, -0.342, 0.940);
 #endif
 
 void main() {

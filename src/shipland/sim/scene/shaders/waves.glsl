@@ -4,7 +4,6 @@ uniform sampler2D short_waves;
 uniform vec2 px_a_sample;
 out vec4 colour;
 
-const mat2 TURN = mat2(0.940, 0.342, -0.342, 0.940);
 const mat2 TURN_BACK = mat2(0.766, -0.643, 0.643, 0.766);
 
 struct Sea {
