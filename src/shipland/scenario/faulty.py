@@ -94,13 +94,7 @@ _BLOCK_PX = 32
 
 
 class FaultyVehicle:
-    """A `Vehicle` and `GroundTruthSource` over a simulated one whose frames, telemetry, link and motors fail.
-
-    Args:
-        vehicle: truthful.
-        faults: what fails, and when by its clock.
-        rng: what is left to chance.
-    """
+    """A `Vehicle` and `GroundTruthSource` over a simulated one whose frames, telemetry, link and motors fail."""
 
     def __init__(self, vehicle: SimulatedVehicle, faults: tuple[Fault, ...], rng: np.random.Generator) -> None:
         self._vehicle, self._faults, self.rng = vehicle, faults, rng

@@ -119,12 +119,7 @@ def checklist(
 ) -> list[Check]:
     """Everything that is looked at before a flight; the vehicle is connected.
 
-    Args:
-        vehicle: what is to be flown.
-        scenario: rig and safety.
-        calibration: of the camera, or None.
-        wind_mps: what is expected, gusts included.
-        table: see `vehicle_table`.
+    The wind is what is expected, gusts included; `table` is of `vehicle_table`.
     """
     if not isinstance(vehicle, Real):
         return []
@@ -156,12 +151,9 @@ def _keys_check() -> Check:
 
 
 def wind_check(wind_mps: float, response: Response, share: float) -> Check:
-    """Whether the wind leaves enough of the tilt there is: g tan(tilt) holds against drag × wind.
+    """Whether a wind, gusts included, leaves enough of the tilt there is: g tan(tilt) holds against drag × wind.
 
-    Args:
-        wind_mps: what is expected, gusts included.
-        response: of the vehicle; one that flies speeds tilts for them by its own limit.
-        share: of the wind that full tilt holds against.
+    A vehicle that flies speeds tilts for them by its own limit; `share` is of the wind that full tilt holds against.
     """
     tilt_rad, drag_per_s = response.max_tilt_rad, response.drag_per_s
     if not (0.0 < tilt_rad < 0.5 * math.pi and 0.0 < drag_per_s < math.inf):

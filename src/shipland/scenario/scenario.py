@@ -195,12 +195,7 @@ class Scenario:
 
 @dataclass(frozen=True)
 class ConfigLayer:
-    """One source of a configuration.
-
-    Attributes:
-        name: "default", a file, or `--set`.
-        table: the keys that it gives.
-    """
+    """One source of a configuration, "default", a file or `--set`, and the keys that it gives."""
 
     name: str
     table: Table

@@ -281,16 +281,10 @@ AT_REST: Vector = (0.0, 0.0, 0.0)
 
 
 class Bodies:
-    """MuJoCo's data: the aircraft, whose motion and wrench stand in its record, and the ship.
+    """MuJoCo's data: the aircraft, whose motion and wrench stand in its record as the deck's motion does, and the ship.
 
     MuJoCo's integrator is semi-implicit: its velocities belong half a step before its positions. The deck's velocity
     is set that way too, or what stands on a deck with acceleration a creeps at ½ a step_s (1 mm/s in a turn).
-
-    Args:
-        rig: dimensions of the ship.
-        shape: of the aircraft.
-        step_s: physics step.
-        record: the aircraft's, in which the deck's motion stands too.
     """
 
     def __init__(self, rig: Rig, shape: Shape, step_s: float, record: Record) -> None:

@@ -63,12 +63,7 @@ NO_TOUCH = Contacts(0, 0.0, "")
 
 
 class BrokenLimit(NamedTuple):
-    """A limit of a landing that was not kept.
-
-    Attributes:
-        kind: hard, drift, tilt or slip.
-        words: by how much, in words.
-    """
+    """A limit of a landing that was not kept: hard, drift, tilt or slip, and by how much, in words."""
 
     kind: str
     words: str

@@ -48,13 +48,7 @@ class TurbulenceParameters:
 
 @dataclass(frozen=True)
 class Scales:
-    """Turbulence at one height.
-
-    Attributes:
-        length_horizontal_m: Lu = Lv.
-        length_vertical_m: Lw.
-        deviations_mps: σu along the mean wind, σv across it, σw vertical.
-    """
+    """Turbulence at one height: lengths Lu = Lv and Lw, deviations σu along the mean wind, σv across, σw vertical."""
 
     length_horizontal_m: float
     length_vertical_m: float
@@ -77,11 +71,7 @@ def normal_numbers(rng: np.random.Generator) -> Iterator[float]:
 
 
 class Dryden:
-    """Turbulent velocities along the mean wind, across it, and vertical.
-
-    Args:
-        rng: draws the turbulence.
-    """
+    """Turbulent velocities along the mean wind, across it, and vertical."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._normal = normal_numbers(rng)
@@ -93,12 +83,7 @@ class Dryden:
         """Along the wind; two across it and two vertical."""
 
     def step(self, distance_m: float, scales: Scales) -> tuple[float, float, float]:
-        """Turbulence [m/s] along the wind, to its right, and downward.
-
-        Args:
-            distance_m: distance flown through the air mass since the last call.
-            scales: of the place.
-        """
+        """Turbulence [m/s] along the wind, to its right, and downward, `distance_m` on through the air mass."""
         horizontal, vertical = distance_m / scales.length_horizontal_m, distance_m / scales.length_vertical_m
         normal = self._normal
         normals = next(normal), next(normal), next(normal), next(normal), next(normal)
@@ -162,9 +147,6 @@ class Kaimal:
     With f = n z/U, n S/u*² is 105 f/(1 + 33 f)^(5/3) along the wind, 17 f/(1 + 9.5 f)^(5/3) across it and
     2.1 f/(1 + 5.3 f^(5/3)) vertically (Kaimal et al. 1972). Each is a sum of first-order processes, within 3 % along
     and across and 13 % vertically for f from 0.002 to 10.
-
-    Args:
-        rng: draws the turbulence.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:

@@ -138,13 +138,10 @@ def _wake(
     position_in_ship_m: Vector,
     towards_rad: float,
 ) -> Vector:
-    """The values of a `WakePlace`.
+    """The values of a `WakePlace`; place and direction as in `Airwake.place`.
 
-    Args:
-        box_m: the superstructure's after and fore end, half its width, its height over the deck.
-        shape: parameters of the wake, in the order of `AirwakeParameters`.
-        position_in_ship_m: as in `Airwake.place`.
-        towards_rad: likewise.
+    `box_m` is the superstructure's after and fore end, half its width, its height over the deck; `shape` the parameters
+    in the order of `AirwakeParameters`.
     """
     (aft_m, fore_m, half_m, size_m), (zone, reverse_share, recovery, downwash_share, layer_share, growth) = box_m, shape
     along_f, along_s = math.cos(towards_rad), math.sin(towards_rad)
@@ -207,11 +204,7 @@ class Wind(Protocol):
 
 
 class SteadyWind:
-    """The same wind everywhere and always.
-
-    Args:
-        velocity_in_ned_mps: of the air.
-    """
+    """The same wind everywhere and always."""
 
     def __init__(self, velocity_in_ned_mps: Vector) -> None:
         self._velocity = velocity_in_ned_mps
@@ -342,13 +335,7 @@ class WindParameters:
 
 
 class NaturalWind:
-    """Mean wind, gusts, turbulence, and the ship's airwake in the relative wind.
-
-    Args:
-        parameters: the wind.
-        rig: the ship that makes the airwake.
-        rng: draws turbulence.
-    """
+    """Mean wind, gusts, turbulence, and the airwake of a ship in the relative wind; `rng` draws the turbulence."""
 
     def __init__(self, parameters: WindParameters, rig: Rig, rng: np.random.Generator) -> None:
         turbulence_rng, wake_rng = rng.spawn(2)

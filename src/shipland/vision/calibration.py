@@ -67,12 +67,7 @@ class Board:
 
 @dataclass(frozen=True)
 class View:
-    """The board in one picture.
-
-    Attributes:
-        board_m: (n,3) float32 corners on the board.
-        corners_px: (n,2) float32 the same in the picture.
-    """
+    """The board in one picture: (n,3) float32 corners on the board [m], (n,2) float32 the same in the picture [px]."""
 
     board_m: npt.NDArray[np.float32]
     corners_px: npt.NDArray[np.float32]
@@ -83,14 +78,7 @@ Finder = Callable[[Image], View | None]
 
 @dataclass(frozen=True)
 class PictureResult:
-    """Result of one picture.
-
-    Attributes:
-        file: its path.
-        corners: number found.
-        rms_px: root-mean-square reprojection error; None where there is none.
-        left_out: why it was not used; empty when it was.
-    """
+    """One picture: corners found, reprojection error, None without, and why it was left out; empty when used."""
 
     file: str
     corners: int

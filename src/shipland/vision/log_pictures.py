@@ -19,12 +19,8 @@ _DATA_FIELD = 2
 def read_pictures(path: Path, *, whole: bool = False) -> Iterator[tuple[int, npt.NDArray[np.uint8]]]:
     """Exposure time [ns] and (H,W,3) BGR of each picture, in order; of a broken-off file, those there are.
 
-    Args:
-        path: of the log.
-        whole: a file that breaks off is an error, after its last picture.
-
     Raises:
-        DataError: the file cannot be read, or breaks off.
+        DataError: the file cannot be read, or, when it must be `whole`, breaks off after its last picture.
     """
     from mcap.records import Channel, Footer, Message
 

@@ -69,11 +69,7 @@ class VisionSelectorParameters:
 class VisionSelector:
     """The whole vision: a pose where there are corners, else boxes; straight below, the deck.
 
-    Args:
-        near: looks for the cue's corners.
-        far: looks for bar and ship.
-        parameters: when to look for what.
-        below: looks for the deck's markings; None finds none.
+    `near` looks for the cue's corners, `far` for bar and ship, `below`, if any, for the deck's markings.
     """
 
     def __init__(

@@ -50,10 +50,6 @@ class Aircraft(Protocol):
 class Quadrotor:
     """Four rotors with a lag, an inner loop, drag and ground effect; all that evolves is in its record.
 
-    Args:
-        parameters: the aircraft.
-        step_s: time between steps [s].
-
     Raises:
         ConfigError: there is no inner loop of the name `loop.kind`.
     """

@@ -272,11 +272,7 @@ def _velocity_stick(s: State, k: Constants, lift: float, released: bool) -> tupl
 
 
 class AttitudeLoop:
-    """The inner loop of kind `attitude`, over the record of its aircraft.
-
-    Args:
-        setup: the aircraft and where it starts.
-    """
+    """The inner loop of kind `attitude`, over the record of its aircraft."""
 
     _VELOCITY_KIND = 0.0
 

@@ -160,12 +160,7 @@ def _constants(parameters: AircraftParameters, tick_s: float) -> dict[str, float
 
 
 class Record:
-    """State and constants of one aircraft.
-
-    Args:
-        parameters: the aircraft.
-        tick_s: time between ticks of its inner loop.
-    """
+    """State and constants of one aircraft, whose inner loop has `tick_s` between its ticks."""
 
     def __init__(self, parameters: AircraftParameters, tick_s: float) -> None:
         constants = _constants(parameters, tick_s)

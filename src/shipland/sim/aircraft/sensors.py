@@ -23,14 +23,9 @@ _share = compiled(view_share)
 
 
 def set_surface(record: Record, rig: Rig, sensors: SensorParameters, water: bool, full_ship: bool) -> None:
-    """Set the constants of the ship and its surroundings.
+    """Set the constants of the ship and its surroundings, which the downward camera's square view straight down shows.
 
-    Args:
-        record: the aircraft's.
-        rig: the sizes of deck and platform.
-        sensors: the width of the downward camera's view, a square straight down, and the water's drift.
-        water: the ship is at sea; else on land, which stands still.
-        full_ship: the platform has the deck's motions.
+    At sea (`water`) the surface drifts; land stands still. A `full_ship`'s platform has the deck's motions.
     """
     record.set(
         flow_slope=math.tan(math.radians(0.5 * sensors.flow_view_deg)),
@@ -143,14 +138,8 @@ def drift(states: Records, constants: Records, normals: Array, chance: float, fl
     """Advance the slow errors: of velocity, over ground or by optical flow, and of height.
 
     By flow the velocity of the surface in view, the water's own motion in it, is missing as the estimate follows it; a
-    slow bias comes on top. Over water the flow is lost and found again at random.
-
-    Args:
-        states: the aircraft's.
-        constants: likewise.
-        normals: (4,) standard normal numbers for velocity and height.
-        chance: uniform in 0 … 1, for a loss.
-        flow_normals: (4,) for waves and bias.
+    slow bias comes on top. Over water the flow is lost and found again at random. Standard normal numbers drive
+    velocity and height, `normals` (4,), waves and bias, `flow_normals` (4,); `chance`, uniform in 0 … 1, a loss.
     """
     s, k = states[0], constants[0]
     s.noise_n = k.noise_keep * s.noise_n + k.noise_add * normals[0]
@@ -202,16 +191,9 @@ def set_gimbal(
 class Senses:
     """The aircraft's estimates of itself in its record: what its autopilot flies on, and what telemetry reports.
 
-    Velocity is over ground, or over the surface in view: optical flow with its slow bias, the water's own motion, and
-    losses over water, during which the autopilot flies on by its accelerometers and nothing is reported. Place is the
-    integral of velocity.
-
-    Args:
-        record: the aircraft's.
-        sensors: sizes of the errors.
-        over_ground: velocity comes from GPS, not from optical flow.
-        slow_step_s: time between `look` calls [s].
-        rng: draws the errors.
+    Velocity is over ground by GPS, or over the surface in view: optical flow with its slow bias, the water's own
+    motion, and losses over water, during which the autopilot flies on by its accelerometers and nothing is reported.
+    Place is the integral of velocity. `look` is called every `slow_step_s`.
     """
 
     def __init__(
@@ -290,13 +272,7 @@ def read_instruments(
 class LandingDetector:
     """Whether the aircraft takes itself for landed, from its downward rangefinder and a felt impact.
 
-    Two low-passes of the noisy range give it and its rate.
-
-    Args:
-        loop: under which range, and for how long, the aircraft may take itself for landed.
-        noise_m: of one reading.
-        step_s: time between readings [s].
-        rng: draws the noise.
+    Two low-passes of the range, one noisy reading every `step_s`, give it and its rate.
     """
 
     LISTEN_M = 0.1
@@ -316,12 +292,7 @@ class LandingDetector:
         self._landed_for_s, self._impact = 0.0, False
 
     def landed(self, range_m: float, impact: bool) -> bool:
-        """One reading.
-
-        Args:
-            range_m: true clearance of the lowest foot; infinite without a surface.
-            impact: whether the accelerometers feel one now.
-        """
+        """One reading: the lowest foot's true clearance, infinite without a surface, and whether an impact is felt."""
         if range_m > self.listen_m:
             self.reset()
             return False

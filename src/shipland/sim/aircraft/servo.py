@@ -19,9 +19,7 @@ THRUST_EXPO = 0.65
 class ServoQuadrotor(Quadrotor):
     """`Quadrotor` whose thrusts follow `set_pulses`; it makes no inner loop and begins level, motors stopped.
 
-    Args:
-        parameters: the aircraft; its loop and settings have no meaning here.
-        step_s: time between steps [s].
+    The parameters of loop and settings have no meaning here.
     """
 
     def __init__(self, parameters: AircraftParameters, step_s: float) -> None:

@@ -23,19 +23,11 @@ from shipland.sim.rotations import rows_of_euler, rows_of_quaternion
 def air_force_in_ned_n(
     k: Constants, ned_from_body: Rows, u: float, v: float, w: float, total_thrust_n: float
 ) -> Vector:
-    """Drag and inflow loss [N] in `ned`; thrust itself is not in it.
+    """Drag and inflow loss [N] in `ned` at a velocity (u, v, w) through the air in `ned`; thrust itself is not in it.
 
     In-plane rotor drag grows with air speed and with rotor speed, hence with the root of thrust [Martin2010]
     (P. Martin, E. Salaün, "The true role of accelerometer feedback in quadrotor control", ICRA 2010, Eq. 6-9);
     inflow along the rotor axis takes thrust away; the fuselage's drag is quadratic.
-
-    Args:
-        k: coefficients.
-        ned_from_body: attitude, row by row.
-        u: the aircraft's velocity through the air, north.
-        v: east.
-        w: down.
-        total_thrust_n: of the four rotors.
     """
     m = ned_from_body
     axial = m[2] * u + m[5] * v + m[8] * w
@@ -178,11 +170,7 @@ def _gain(k: Constants, body: Rows, deck: Rows, x: float, y: float, z: float, fo
 def tick(states: Records, constants: Records, noise: Array, motors_run: bool) -> None:
     """One tick of the packaged aircraft; afterwards its wrench stands in the record.
 
-    Args:
-        states: of the aircraft.
-        constants: likewise.
-        noise: (2,) standard normal numbers of the gimbal.
-        motors_run: whether the inner loop still has rotors to command.
+    `noise` (2,) are standard normal numbers of the gimbal; without `motors_run` no rotor is commanded.
     """
     s, k = states[0], constants[0]
     step_gimbal(s, k, noise[0], noise[1])
@@ -204,13 +192,8 @@ SAFE_UPRIGHT = 0.5
 def fly_free(states: Records, constants: Records, noise: Array, phase: int, every: int, count: int) -> int:
     """Step `count` physics steps, fewer when it gets too low or too tilted; how many were stepped.
 
-    Args:
-        states: of the aircraft.
-        constants: likewise.
-        noise: standard normal numbers of the gimbal, two for each tick.
-        phase: physics steps since the last tick.
-        every: physics steps of a tick.
-        count: physics steps.
+    A tick is `every` physics steps, and the last one began `phase` steps ago; `noise` are standard normal numbers of
+    the gimbal, two for each tick.
     """
     s, k = states[0], constants[0]
     used = 0

@@ -73,10 +73,7 @@ class Background:
     def draw(self, view: RenderView, around: AroundShip | None, blurs: tuple[list[Array], list[Array]]) -> Light16:
         """The light (H,W,4) of the picture without the ship.
 
-        Args:
-            view: of the whole picture.
-            around: what the ship does to the water around it; None where that is not in the picture.
-            blurs: motion blur's maps of the sky and of the sea.
+        `around` is None where the water shows nothing of the ship; `blurs` are the maps of the sky and of the sea.
         """
         camera, eye = view.camera, view.ned_from_camera
         width, height = camera.width_px, camera.height_px

@@ -31,12 +31,7 @@ class Label:
 
 @dataclass(frozen=True)
 class Labels:
-    """What a picture shows; None for what cannot be seen.
-
-    Attributes:
-        ship: the whole platform, with superstructure, deck and bar.
-        bar: the board with the cue.
-    """
+    """The platform, with superstructure, deck and bar, and the board with the cue; None for what cannot be seen."""
 
     ship: Label | None
     bar: Label | None
@@ -48,12 +43,9 @@ def area_px2(mask: Mask, crop: Crop) -> float:
 
 
 def label(seen: Mask, crop: Crop, whole_px2: float) -> Label | None:
-    """The label of an object; None when nothing of it is seen.
+    """The label of an object seen over a crop of the picture (h,w); None when nothing of it is seen.
 
-    Args:
-        seen: (h,w) true where it is in front, over a crop of the picture.
-        crop: that crop.
-        whole_px2: its area with nothing before it, in the picture and beyond.
+    `whole_px2` is its area with nothing before it, in the picture and beyond.
     """
     columns, rows = np.flatnonzero(seen.any(axis=0)), np.flatnonzero(seen.any(axis=1))
     if not len(columns):

@@ -140,13 +140,9 @@ def cylinder(start: Point, end: Point, radius_m: float, albedo: Colour, sides: i
 
 
 def open_sky(points_m: Array, normals: Array, boxes: list[tuple[Solid, Pose]], rays: int = 96) -> Array:
-    """(n,) share of the cosine-weighted half space over points (n,3) that no box covers.
+    """(n,) share of the cosine-weighted half space over points (n,3) with unit normals (n,3) that no box covers.
 
-    Args:
-        points_m: (n,3).
-        normals: (n,3) unit.
-        boxes: occluders with their poses in the points' frame.
-        rays: directions a point, spread by the golden angle.
+    Boxes have their poses in the points' frame; directions are spread by the golden angle.
     """
     index = np.arange(rays) + 0.5
     radius, angle = np.sqrt(index / rays), index * np.pi * (3.0 - np.sqrt(5.0))

@@ -28,12 +28,7 @@ _STRETCH = 1.7
 
 @dataclass(frozen=True)
 class Mirror:
-    """Where the mirror image lies.
-
-    Attributes:
-        crop: of the picture, and beyond.
-        samples_a_px: of the texture.
-    """
+    """Where the mirror image lies in the picture and beyond it, and its texture's samples a pixel."""
 
     crop: Crop
     samples_a_px: float
@@ -57,14 +52,7 @@ class Mirror:
 
 @dataclass(frozen=True)
 class AroundShip:
-    """What the ship does to the water around it.
-
-    Attributes:
-        crop: part of the picture where it shows.
-        mirror: its mirror image.
-        hull: box of the hull in `ship`.
-        ned_from_ship: its pose.
-    """
+    """What the ship does to the water: part of the picture, its mirror image, its hull's box in `ship`, its pose."""
 
     crop: Crop
     mirror: Mirror
@@ -83,14 +71,7 @@ def around_ship(
 ) -> AroundShip | None:
     """Where the water shows the ship; None where neither is in the picture.
 
-    Args:
-        camera: intrinsics.
-        eye: ned_from_camera.
-        corners_in_ned_m: (n,3) bounds of what is mirrored.
-        hull: box of the hull in `ship`.
-        ned_from_ship: its pose.
-        near_m: near plane.
-        wake_m: length of the wake astern.
+    `corners_in_ned_m` (n,3) bound what is mirrored, `hull` is a box in `ship`, `wake_m` the length of the wake astern.
     """
     camera_from_ned = eye.inverse()
     mirrored = corners_in_ned_m * [1.0, 1.0, -1.0]

@@ -55,14 +55,10 @@ def longest_way_px(maps: list[Array], corners_px: Array) -> float:
 
 
 def average(layer: Light16, maps: list[Array], layer_from_picture: Array) -> Light16:
-    """The mean light over the maps of a layer (h,w,4).
+    """The mean light of a layer (h,w,4) over the maps of `homographies`.
 
-    A picture is continued at its borders; a cropped layer must have a margin as wide as that path.
-
-    Args:
-        layer: light.
-        maps: from `homographies`, in the picture's pixels.
-        layer_from_picture: (3,3) the picture's pixels to the layer's.
+    A picture is continued at its borders; a cropped layer must have a margin as wide as that path. `layer_from_picture`
+    (3,3) takes the picture's pixels to the layer's.
     """
     if not maps:
         return layer

@@ -13,10 +13,7 @@ from shipland.sim.scene.view import Crop
 def horizon_rows(line: Array, width_px: int, height_px: int) -> tuple[int, int]:
     """First row that holds any sea, and first row from which on there is sea alone.
 
-    Args:
-        line: (3,) a u + b v + c = px below the horizon.
-        width_px: picture size.
-        height_px: picture size.
+    `line` (3,) is a u + b v + c = px below the horizon.
     """
     a, b, c = line
     columns = np.array([0.0, width_px - 1.0])

@@ -37,13 +37,7 @@ class _Part:
 
 @dataclass(frozen=True)
 class Placed:
-    """A part with its pose and bounds.
-
-    Attributes:
-        part: what to draw.
-        ned_from_mesh: pose.
-        bounds: an upright box around it in its own frame.
-    """
+    """A part with its pose, and an upright box around it in its own frame."""
 
     part: _Part
     ned_from_mesh: Pose
@@ -53,12 +47,7 @@ class Placed:
 class ShipLayer:
     """Everything solid. The uniform block must be bound and written before a draw.
 
-    Args:
-        context: OpenGL.
-        rig: dimensions and cue.
-        lamp: luminous green of the cue, in radiance of sunlit white.
-        rng: stains.
-        aircraft_scale: of the drawn aircraft.
+    `lamp` is the luminous green of the cue, in radiance of sunlit white.
     """
 
     def __init__(
@@ -230,11 +219,8 @@ def clip_range(placed: list[Placed], eye: Pose) -> tuple[float, float]:
 def samples_a_px(crop: Crop, limit: tuple[int, int], most: int, behind: bool) -> int:
     """Samples along a pixel's side for a crop of the picture; 1 stands for multisampling.
 
-    Args:
-        crop: the part to draw.
-        limit: width and height of the target [samples].
-        most: samples to spend.
-        behind: part of the ship is beside or behind the camera.
+    The target holds `limit` (width, height) samples, of which `most` are spent; `behind`: part of the ship is beside or
+    behind the camera.
     """
     wanted = 8 if max(crop.width, crop.height) <= 64 else 4
     for count in (8, 4, 3, 2):

@@ -18,13 +18,9 @@ _CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], floa
 
 
 class Spray:
-    """Bursts at fixed points of the waterline, each with its own period.
+    """Bursts at fixed points of the waterline of a hull's box in `ship`, each with its own period.
 
-    Args:
-        context: OpenGL.
-        hull: box of the hull in `ship`.
-        strength: 0 … 1: opacity and height of the bursts.
-        rng: of the bursts.
+    `strength`, 0 … 1, is the opacity and height of the bursts.
     """
 
     def __init__(self, context: moderngl.Context, hull: Solid, strength: float, rng: np.random.Generator) -> None:

@@ -22,12 +22,7 @@ _STRAY = 0.5
 
 
 class Rain:
-    """Streaks of drops near the camera.
-
-    Args:
-        rain_mm_h: rainfall.
-        rng: where the drops are.
-    """
+    """Streaks of drops near the camera."""
 
     def __init__(self, rain_mm_h: float, rng: np.random.Generator) -> None:
         self._tile = np.zeros((_RAIN_TILE, _RAIN_TILE), np.uint8)
@@ -68,13 +63,7 @@ def sun_in_lens(
 ) -> None:
     """Add veil and ghosts of the sun to a picture of light (H,W,4) in place; nothing when it is behind or hidden.
 
-    Args:
-        picture: light, BGRA.
-        state: the camera's pose.
-        camera: intrinsics.
-        sun_in_ned: (3,) unit vector to the sun.
-        sun_bgr: (3,) its colour, 0 … 1.
-        strength: 0 … 1.
+    `sun_in_ned` (3,) is the unit vector to the sun, `sun_bgr` (3,) its colour, 0 … 1.
     """
     ray = state.ned_from_camera.rotation.T @ sun_in_ned
     if ray[2] < 0.2 or sun_bgr.max() < 0.02:
@@ -111,11 +100,9 @@ def sun_in_lens(
 
 
 class LensDrops:
-    """Water drops on the lens: each shows the scene upside down and blurred, comes with spray, slides and goes.
+    """Water drops on the lens, some forty at a time at a strength of 1.
 
-    Args:
-        strength: 0 … 1; 1 is some forty drops at a time.
-        rng: sizes, places and times.
+    Each shows the scene upside down and blurred, comes with spray, slides and goes.
     """
 
     def __init__(self, strength: float, rng: np.random.Generator) -> None:
@@ -164,11 +151,9 @@ class LensDrops:
 
 
 class SensorNoise:
-    """Shot and read noise: about constant over the display scale, since its gamma undoes the root of the signal.
+    """Shot and read noise, its standard deviation in display values 0 … 255, cut from a bank that `rng` fills.
 
-    Args:
-        deviation: of a display value 0 … 255.
-        rng: fills the bank of noise that frames are cut from.
+    It is about constant over the display scale, since its gamma undoes the root of the signal.
     """
 
     def __init__(self, deviation: float, rng: np.random.Generator) -> None:

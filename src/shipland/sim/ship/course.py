@@ -64,11 +64,7 @@ class Course(Protocol):
 
 
 class StillCourse:
-    """A ship that lies still at the origin.
-
-    Args:
-        course_rad: its heading, clockwise from north.
-    """
+    """A ship that lies still at the origin, headed `course_rad` clockwise from north."""
 
     def __init__(self, course_rad: float = 0.0) -> None:
         self._state = CourseState(np.zeros(2), np.zeros(2), np.zeros(2), course_rad, 0.0, 0.0)
@@ -79,12 +75,7 @@ class StillCourse:
 
 
 class StraightCourse:
-    """Steady speed along one course through the origin at t = 0.
-
-    Args:
-        course_rad: clockwise from north.
-        speed_mps: along the course.
-    """
+    """Steady speed along one course, clockwise from north, through the origin at t = 0."""
 
     def __init__(self, course_rad: float, speed_mps: float) -> None:
         self._course_rad = course_rad
@@ -98,14 +89,7 @@ class StraightCourse:
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """A smooth change of course and speed.
-
-    Attributes:
-        start_s: begin [s].
-        duration_s: length [s], positive.
-        turn_rad: change of course, clockwise positive.
-        speed_change_mps: change of speed.
-    """
+    """A smooth change of course, clockwise positive, and of speed, over a positive time."""
 
     start_s: float
     duration_s: float
@@ -160,10 +144,7 @@ class _Leg:
 class ManoeuvringCourse:
     """Straight stretches joined by manoeuvres; through the origin at t = 0.
 
-    Args:
-        course_rad: the first heading, clockwise from north.
-        speed_mps: the first speed.
-        manoeuvres: in order of time, starting at t ≥ 0, not overlapping.
+    The first heading is clockwise from north; manoeuvres follow one another from t ≥ 0 on without overlap.
     """
 
     def __init__(self, course_rad: float, speed_mps: float, manoeuvres: Sequence[Manoeuvre]) -> None:

@@ -23,13 +23,10 @@ DOF_NAMES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 
 @dataclass(frozen=True)
 class SixDof:
-    """The deck against `ship` at one instant, in the order of `DOF_NAMES`.
+    """The deck against `ship` at one instant: (18,) displacement, velocity, acceleration, in the order of `DOF_NAMES`.
 
     The angles are Euler angles (yaw, then pitch, then roll, about moving axes); velocity and acceleration are the
     time derivatives of the coordinates themselves, not angular velocity vectors.
-
-    Attributes:
-        values: (18,) displacement, velocity, acceleration.
     """
 
     values: Array
@@ -192,14 +189,7 @@ class LimitParameters:
 
 @dataclass(frozen=True)
 class LimitBite:
-    """One degree of freedom that the limits have held back.
-
-    Attributes:
-        name: one of `DOF_NAMES`.
-        t_s: the first time [s].
-        limit: the limit [m or rad].
-        largest_demand: the largest demanded motion so far [m or rad].
-    """
+    """One of `DOF_NAMES` that the limits held back: since when, its limit and the largest demand so far [m or rad]."""
 
     name: str
     t_s: float
@@ -215,15 +205,10 @@ class LimitBite:
 
 
 class LimitedMotion:
-    """A deck motion kept inside symmetric limits by y = L·g(x/L).
+    """A deck motion kept inside symmetric limits L (6,) [m, m, m, rad, rad, rad] by y = L·g(x/L).
 
-    g(u) = u for |u| ≤ k, else ±(k + (1 − k) tanh((|u| − k)/(1 − k))): twice continuously differentiable and below 1,
-    so that velocity g'ẋ and acceleration g'ẍ + g''ẋ²/L are those of the limited motion.
-
-    Args:
-        motion: the demanded motion.
-        limit: (6,) largest excursions either side [m, m, m, rad, rad, rad].
-        knee: k.
+    g(u) = u for |u| ≤ k, the knee, else ±(k + (1 − k) tanh((|u| − k)/(1 − k))): twice continuously differentiable and
+    below 1, so that velocity g'ẋ and acceleration g'ẍ + g''ẋ²/L are those of the limited motion.
     """
 
     def __init__(self, motion: DeckMotion, limit: Array, knee: float) -> None:

@@ -24,9 +24,7 @@ BLEND_S = 2.0
 class RecordedMotion:
     """A cubic spline through a record; after its end it starts again, faded over so that nothing jumps.
 
-    Args:
-        t_s: (N,) ascending times; the first one is played at t = 0.
-        displacement: (N, 6) [m, m, m, rad, rad, rad].
+    Times (N,) ascend, the first one is played at t = 0; displacements are (N, 6) [m, m, m, rad, rad, rad].
     """
 
     def __init__(self, t_s: Array, displacement: Array) -> None:
@@ -54,12 +52,7 @@ class RecordedMotion:
 
 
 def read_motion(path: Path, length_scale: float = 1.0, time_scale: float = 1.0) -> RecordedMotion:
-    """The motion in a CSV file with the columns of `HEADER`.
-
-    Args:
-        path: the file.
-        length_scale: recorded lengths are divided by it.
-        time_scale: recorded times are divided by it.
+    """The motion in a CSV file with the columns of `HEADER`, its lengths and times divided by the scales.
 
     Raises:
         DataError: the file is missing or a line is wrong; names line and column.

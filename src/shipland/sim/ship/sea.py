@@ -218,13 +218,10 @@ def encounter_frequency(omega_rad_s: Array, heading_rad: Array, speed_mps: float
 
 @dataclass(frozen=True)
 class Waves:
-    """Regular waves whose sum is the sea.
+    """Regular waves whose sum is the sea, (K,) each.
 
-    Attributes:
-        omega_rad_s: (K,) frequencies in the still frame.
-        heading_rad: (K,) directions that they run to, against the bow.
-        amplitude_m: (K,) amplitudes.
-        phase_rad: (K,) phases at the ship's origin at t = 0.
+    Frequencies are those of the still frame, headings the directions that the waves run to against the bow, phases
+    those at the ship's origin at t = 0.
     """
 
     omega_rad_s: Array
@@ -259,16 +256,9 @@ def _spreading_quantile(share: Array) -> Array:
 
 
 def deck_motion(sea: SeaParameters, rng: np.random.Generator, length_scale: float, time_scale: float) -> Harmonics:
-    """Motion of the flight deck in these waves.
+    """Motion of the flight deck in these waves: harmonics at the frequencies of encounter.
 
-    Args:
-        sea: waves and ship, at full scale.
-        rng: draws frequencies, directions and phases.
-        length_scale: full-scale lengths are divided by it.
-        time_scale: full-scale times are divided by it.
-
-    Returns:
-        Harmonics at the frequencies of encounter.
+    Full-scale lengths and times are divided by the scales; `rng` draws frequencies, directions and phases.
     """
     waves = sample_waves(sea, rng)
     omega_e = encounter_frequency(waves.omega_rad_s, waves.heading_rad, sea.speed_kn * KNOT_MPS)
@@ -282,9 +272,7 @@ def deck_motion(sea: SeaParameters, rng: np.random.Generator, length_scale: floa
 def significant_amplitude(sea: SeaParameters, table: ResponseTable | None = None) -> Array:
     """(6,) significant single amplitudes 2√m₀ of the full-scale deck motion [m, rad], from the spectrum.
 
-    Args:
-        sea: waves and ship, at full scale.
-        table: responses; the packaged frigate's where None.
+    `table` None is the packaged frigate's.
     """
     from scipy.integrate import trapezoid
 

@@ -18,12 +18,7 @@ COLUMNS = ("file", "t_s", "x", "y", "w", "h", "confidence", "class")
 
 @dataclass(frozen=True)
 class DetectResult:
-    """What was found in one picture, most confident first.
-
-    Attributes:
-        picture: where.
-        boxes: boxes with their class's name.
-    """
+    """What was found in one picture: boxes with their class's name, most confident first."""
 
     picture: FilePicture
     boxes: tuple[tuple[Box, str], ...]
@@ -76,17 +71,7 @@ def detect_paths(
     confidence: float,
     broken: Callable[[Path, DataError], None] | None = None,
 ) -> Iterator[DetectResult]:
-    """One result a picture, in the order of `pictures_of`.
-
-    Args:
-        paths: pictures, folders of pictures, videos.
-        detector: what looks at them.
-        confidence: least confidence of a box.
-        broken: called with a picture or video that is missing or broken, before the rest follows; None raises.
-
-    Raises:
-        DataError: without `broken`, a picture or video is missing or broken.
-    """
+    """One result a picture, of boxes with a least confidence; paths, `broken` and DataError as of `pictures_of`."""
     if not 0.0 < confidence < 1.0:
         raise DataError(f"the least confidence must lie between 0 and 1, got {confidence:g}")
     for picture in pictures_of(paths, broken):

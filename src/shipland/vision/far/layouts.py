@@ -156,13 +156,7 @@ class Reader:
 
 
 def load_reader(path: Path, runtime: Runtime = "auto", precision: Precision = "auto", threads: int = 0) -> Reader:
-    """The detector of an ONNX file.
-
-    Args:
-        path: the file.
-        runtime: see `load_network`.
-        precision: see there.
-        threads: see there.
+    """The detector of an ONNX file; arguments as of `load_network`.
 
     Raises:
         DataError: the file is missing, damaged, or no detector; it names the layouts that can be read, and what it has.

@@ -159,18 +159,7 @@ NETWORK_STEP_PX = 32
 
 @dataclass
 class TargetSearch:
-    """One detector over a stream of frames.
-
-    Attributes:
-        name: of the target, for reasons.
-        detector: whole frames and tiles to boxes.
-        camera: intrinsics.
-        parameters: thresholds and counts.
-        confirmation: when a candidate is believed.
-        horizon: consistency of boxes with the horizon.
-        tracks: candidates.
-        target: the one that is believed.
-    """
+    """One detector over a stream of frames: candidates, `tracks`, and the one that is believed, `target`."""
 
     name: str
     detector: Detector
