@@ -13,6 +13,7 @@ from shipland.errors import DataError
 from shipland.learning.export import onnx_bytes, write_int8, write_onnx
 from shipland.learning.yolov3 import yolov3_layers
 from shipland.messages import Box, Frame, GimbalAttitude
+from shipland.rig import Rig
 from shipland.vision.far.decode import Decoding, DetectorSpec, decode, iou, suppress, to_boxes
 from shipland.vision.far.detector import Detector, cut_tile, padded, weights_path
 from shipland.vision.far.far import FarVision
@@ -235,7 +236,7 @@ class Stage:
         self.parameters = detector_parameters()
         self.ship = Scripted()
         self.bar = Scripted() if bar else None
-        self.far = FarVision(self.ship, self.bar, camera, self.parameters)
+        self.far = FarVision(self.ship, self.bar, camera, self.parameters, Rig())
         self.t_s = 0.0
 
     def see(self, ship=(), bar=(), step_s=0.1, pitch_rad=0.0):
@@ -405,7 +406,7 @@ def test_a_frame_without_picture_is_no_error(camera):
     seen = stage.far.see(Frame(0.0, None, GimbalAttitude(0.0, 0.0)))
     assert seen.ship_box is None and seen.reason == "far: no picture"
     assert (
-        FarVision(None, None, camera, stage.parameters)
+        FarVision(None, None, camera, stage.parameters, Rig())
         .see(Frame(0.0, np.zeros((720, 1280, 3), np.uint8), GimbalAttitude(0.0, 0.0)))
         .reason.startswith("ship: no detector")
     )

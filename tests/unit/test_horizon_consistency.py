@@ -72,8 +72,6 @@ def test_a_barometer_that_errs_by_a_metre_refuses_no_ship(camera):
 def test_without_a_height_nothing_is_said(camera, height_m):
     consistency = HorizonConsistency(SHIP, camera, PARAMETERS)
     assert consistency.evidence(on_the_sea(camera, 100.0, 10.0, 0.6), frame(height_m)) == 0.0
-    unknown = HorizonConsistency(replace(SHIP, spans_m=None), camera, PARAMETERS)
-    assert unknown.evidence(on_the_sea(camera, 100.0, 10.0, 0.6), frame(10.0)) == 0.0
 
 
 def test_a_bar_over_the_water_is_judged_where_it_hangs(camera):

@@ -11,6 +11,7 @@ import pytest
 from shipland.errors import DataError
 from shipland.learning.arguments import EvaluateArguments
 from shipland.learning.evaluate import evaluate
+from shipland.rig import Rig
 from shipland.vision.far.detector import Detector
 from shipland.vision.far.far import FarVision
 from shipland.vision.far.layouts import COCO_CLASSES, load_reader
@@ -166,8 +167,8 @@ def test_a_flight_takes_the_class_that_the_configuration_names(camera, tmp_path)
     path = str(yolox(tmp_path / "coco.onnx"))
     settings = replace(detector_parameters(), threads=1, ship_weights=path)
     with pytest.raises(DataError, match="has no class 'ship'"):
-        FarVision.load(camera, settings)
-    assert FarVision.load(camera, replace(settings, ship_class="boat")).ship.kinds == {8: "boat"}
+        FarVision.load(camera, settings, Rig())
+    assert FarVision.load(camera, replace(settings, ship_class="boat"), Rig()).ship.kinds == {8: "boat"}
 
 
 def test_a_set_is_measured_by_the_classes_that_the_detector_knows(tmp_path):

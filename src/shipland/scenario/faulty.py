@@ -37,23 +37,6 @@ _OLD_SHARE = 0.1
 """Share of spoiled messages that are replaced by an earlier one as a whole."""
 
 
-class FaultInjector:
-    """Spoils messages of any type, and remembers the last good one of each."""
-
-    def __init__(self, rng: np.random.Generator) -> None:
-        self._rng = rng
-        self._good: dict[type, Any] = {}
-
-    def spoiled(self, value: T, share: float) -> T:
-        """The message with that share of its fields spoiled; as it is for a share of 0."""
-        if share == 0.0:
-            self._good[type(value)] = value
-            return value
-        if self._rng.random() < _OLD_SHARE * share and type(value) in self._good:
-            return typing.cast(T, self._good[type(value)])
-        return typing.cast(T, _spoil(value, share, self._rng))
-
-
 _NOT_SPOILED = {"stamp_s", "gimbal_age_s", "alerts"}
 """Skipped without a draw, so that a flight's spoiled values stay what they were."""
 
@@ -100,7 +83,8 @@ class FaultyVehicle:
         self._vehicle, self._faults, self.rng = vehicle, faults, rng
         self.now_s = self._reported_s = 0.0
         """The vehicle's time, not spoiled [s]."""
-        self._injector = FaultInjector(rng)
+        self._good: dict[type, Any] = {}
+        """The last message of each type that was not spoiled."""
         self._held: deque[Frame] = deque(maxlen=_HELD)
         self._given_s = -math.inf
         self._last_image: npt.NDArray[np.uint8] | None = None
@@ -176,10 +160,15 @@ class FaultyVehicle:
             return t_s
         return self.now_s + passed_s if 0.0 <= passed_s <= _LONGEST_ASKED_S else self.now_s
 
-    def spoiled(self, value: Any) -> Any:  # noqa: ANN401 - a message of any type
-        """A message as it is, or with spoiled values."""
+    def spoiled(self, value: T) -> T:
+        """A message of any type as it is, or with a share of its fields spoiled."""
         fault = self.now(FaultKind.SPOILED_VALUES)
-        return self._injector.spoiled(value, 0.0 if fault is None else fault.amount)
+        if fault is None:
+            self._good[type(value)] = value
+            return value
+        if self.rng.random() < _OLD_SHARE * fault.amount and type(value) in self._good:
+            return typing.cast(T, self._good[type(value)])
+        return typing.cast(T, _spoil(value, fault.amount, self.rng))
 
     def _stall_s(self, kind: FaultKind) -> float:
         fault = self.now(kind)
@@ -272,8 +261,7 @@ class FaultyVehicle:
         if self.now(FaultKind.NAN_TELEMETRY) is not None:
             nan = math.nan
             telemetry = Telemetry(telemetry.t_s, nan, nan, nan, nan, np.full(3, nan), nan, nan, telemetry.flying)
-        spoiled: Telemetry = self.spoiled(telemetry)
-        return spoiled
+        return self.spoiled(telemetry)
 
     def _with_height(self, telemetry: Telemetry) -> Telemetry:
         """The telemetry with the height as the barometer says it."""
@@ -326,8 +314,7 @@ class FaultyVision:
             centre = rng.uniform(0.1, 0.9, 2) * [camera.width_px, camera.height_px]
             box = Box((float(centre[0]), float(centre[1])), (60.0, 30.0), 0.95)
             seen = replace(seen, bar_pose=None, bar_box=box, ship_box=box, reason="decoy")
-        spoiled: Observation = self._vehicle.spoiled(seen)
-        return spoiled
+        return self._vehicle.spoiled(seen)
 
     def _without_picture(self, frame: Frame, seen: Observation) -> Observation:
         now, rng = self._vehicle.now, self._vehicle.rng

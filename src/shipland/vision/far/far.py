@@ -42,14 +42,14 @@ class FarVision:
         ship, bar: the detectors; None where there is none.
         camera: intrinsics.
         parameters: thresholds and counts.
-        rig: the ship, for what the size of a box says; None where it is not known.
+        rig: the ship, for what the size of a box says.
     """
 
     ship: Detector | None
     bar: Detector | None
     camera: Camera
     parameters: DetectorParameters
-    rig: Rig | None = None
+    rig: Rig
     _ship: TargetSearch | None = field(default=None, init=False)
     _bar: TargetSearch | None = field(default=None, init=False)
     _ships_turn: bool = field(default=True, init=False)
@@ -58,12 +58,11 @@ class FarVision:
     def __post_init__(self) -> None:
         parameters, rig = self.parameters, self.rig
         if self.ship is not None:
-            subject = Subject(None if rig is None else _ship_spans_m(rig), _SHIP_FOOT, 0.0, parameters.ship_rise)
+            subject = Subject(_ship_spans_m(rig), _SHIP_FOOT, 0.0, parameters.ship_rise)
             self._ship = self._search("ship", self.ship, parameters.ship, subject)
         if self.bar is not None:
-            board_m, bar_m = (None, 0.0) if rig is None else (_BAR_TURNED * rig.board_width_m, rig.bar_height_m)
-            spans_m = None if board_m is None else (board_m, board_m)
-            subject = Subject(spans_m, 0.0, bar_m, parameters.bar_rise)
+            board_m = _BAR_TURNED * rig.board_width_m
+            subject = Subject((board_m, board_m), 0.0, rig.bar_height_m, parameters.bar_rise)
             self._bar = self._search("bar", self.bar, parameters.bar, subject)
 
     def _search(self, name: str, detector: Detector, confirmation: Confirmation, subject: Subject) -> TargetSearch:
@@ -71,7 +70,7 @@ class FarVision:
         return TargetSearch(name, detector, self.camera, self.parameters, confirmation, horizon)
 
     @staticmethod
-    def load(camera: Camera, parameters: DetectorParameters, rig: Rig | None = None) -> FarVision:
+    def load(camera: Camera, parameters: DetectorParameters, rig: Rig) -> FarVision:
         """Both detectors that the parameters name; DataError when one cannot be used."""
         return FarVision(
             Detector.load(parameters.ship_weights, parameters, (parameters.ship_class,)),

@@ -29,14 +29,14 @@ class Subject:
     """Dimensions of one kind of target.
 
     Attributes:
-        spans_m: how wide it may look, least and most, as most often seen; None where that is not known.
+        spans_m: how wide it may look, least and most, as most often seen.
         foot: where the point of known height lies in the box, from its middle (0) to its lower edge (0.5).
         foot_m: its height over the water.
         rise: how far above the horizon the box's middle may lie, in its own longer sides; negative for a box whose foot
             must lie below.
     """
 
-    spans_m: tuple[float, float] | None
+    spans_m: tuple[float, float]
     foot: float
     foot_m: float
     rise: float
@@ -63,14 +63,14 @@ class HorizonConsistency:
     def evidence(self, box: Box, frame: Frame) -> float:
         """Log-odds that a box of this size at this place holds the target.
 
-        0 where height or span are not known, or the picture's edge may have cut the target.
+        0 where the height is not known, or the picture's edge may have cut the target.
 
         The angle below the horizon at which the target would lie, at the range of its size, is compared with the angle
         measured. For the target they differ by its aspect and the errors of height and horizon; for other objects on
         the sea by their own size as well. Of the ranges that the spans allow, the most likely counts.
         """
         subject, parameters, height_m = self._subject, self._parameters, frame.height_m
-        if subject.spans_m is None or height_m is None or not math.isfinite(height_m) or self._cut(box):
+        if height_m is None or not math.isfinite(height_m) or self._cut(box):
             return 0.0
         above_m = max(height_m, _LEAST_HEIGHT_M) - subject.foot_m
         found_rad = float(self._below_rad([box], subject.foot, frame.gimbal)[0])

@@ -38,6 +38,7 @@ class Track:
     """A candidate, or the target.
 
     Attributes:
+        settings, confirmation, focal_px: of its search.
         t_s: time of the last hit.
         centre_px, size_px: (2,) last box.
         velocity_px_s: (2,) of the centre, the gimbal's own turning taken out.
@@ -49,6 +50,9 @@ class Track:
         misses: frames since the last hit.
     """
 
+    settings: DetectorParameters
+    confirmation: Confirmation
+    focal_px: float
     t_s: float
     centre_px: Array
     size_px: Array
@@ -60,60 +64,35 @@ class Track:
     horizon_odds: float = 0.0
     misses: int = 0
 
-    @staticmethod
-    def start(box: Box, horizon_odds: float, frame: Frame, confirmation: Confirmation) -> Track:
-        """A track from its first box, with its log-odds by the horizon."""
-        odds = log_odds(box.confidence)
-        return Track(
-            frame.t_s,
-            np.array(box.centre_px),
-            np.array(box.size_px),
-            np.zeros(2),
-            frame.gimbal,
-            deque([True], maxlen=confirmation.confirm_frames),
-            evidence=odds - log_odds(confirmation.neutral_confidence),
-            score=odds,
-            horizon_odds=horizon_odds,
-        )
-
-    def turned_px(self, gimbal: GimbalAttitude, focal_px: float) -> Array:
+    def turned_px(self, gimbal: GimbalAttitude) -> Array:
         """(2,) by how much the gimbal's turning since the last hit moves the picture's content [px]."""
-        return focal_px * np.array([-(gimbal.yaw_rad - self.gimbal.yaw_rad), gimbal.pitch_rad - self.gimbal.pitch_rad])
+        turned_rad = np.array([-(gimbal.yaw_rad - self.gimbal.yaw_rad), gimbal.pitch_rad - self.gimbal.pitch_rad])
+        return self.focal_px * turned_rad
 
-    def predicted_px(self, frame: Frame, focal_px: float) -> Array:
+    def predicted_px(self, frame: Frame) -> Array:
         """(2,) where the centre should be in `frame`."""
         elapsed_s = max(frame.t_s - self.t_s, 0.0)
-        return self.centre_px + self.velocity_px_s * elapsed_s + self.turned_px(frame.gimbal, focal_px)
+        return self.centre_px + self.velocity_px_s * elapsed_s + self.turned_px(frame.gimbal)
 
-    def reach_px(self, frame: Frame, parameters: DetectorParameters) -> float:
+    def reach_px(self, frame: Frame) -> float:
         """How far from the prediction the target may be in `frame`."""
-        elapsed_s = max(frame.t_s - self.t_s, 0.0)
+        elapsed_s, settings = max(frame.t_s - self.t_s, 0.0), self.settings
         longer = float(self.size_px.max())
-        return parameters.gate_px + parameters.gate_px_s * elapsed_s + parameters.gate_sizes * longer
+        return settings.gate_px + settings.gate_px_s * elapsed_s + settings.gate_sizes * longer
 
-    def takes(self, box: Box, frame: Frame, predicted_px: Array, parameters: DetectorParameters) -> bool:
-        """Whether a box of `frame` can be this target: near the prediction, and of like size."""
-        growth = max(box.size_px) / float(self.size_px.max())
-        return (
-            float(np.hypot(*(np.array(box.centre_px) - predicted_px))) <= self.reach_px(frame, parameters)
-            and 1.0 / parameters.gate_growth <= growth <= parameters.gate_growth
-        )
+    def off_px(self, box: Box, frame: Frame) -> float:
+        """How far from the prediction a box of `frame` lies; infinite where it cannot be this target."""
+        off_px = float(np.hypot(*(np.array(box.centre_px) - self.predicted_px(frame))))
+        growth, most = max(box.size_px) / float(self.size_px.max()), self.settings.gate_growth
+        return off_px if off_px <= self.reach_px(frame) and 1.0 / most <= growth <= most else math.inf
 
-    def hit(
-        self,
-        box: Box,
-        horizon_odds: float,
-        frame: Frame,
-        focal_px: float,
-        parameters: DetectorParameters,
-        confirmation: Confirmation,
-    ) -> None:
+    def hit(self, box: Box, horizon_odds: float, frame: Frame) -> None:
         """Take a box of `frame`, with its log-odds by the horizon."""
-        centre = np.array(box.centre_px)
+        centre, settings, confirmation = np.array(box.centre_px), self.settings, self.confirmation
         elapsed_s = frame.t_s - self.t_s
         if elapsed_s > 0.0:
-            measured = (centre - self.centre_px - self.turned_px(frame.gimbal, focal_px)) / elapsed_s
-            self.velocity_px_s = self.velocity_px_s + parameters.velocity_gain * (measured - self.velocity_px_s)
+            measured = (centre - self.centre_px - self.turned_px(frame.gimbal)) / elapsed_s
+            self.velocity_px_s = self.velocity_px_s + settings.velocity_gain * (measured - self.velocity_px_s)
         odds = log_odds(box.confidence)
         self.t_s, self.gimbal = frame.t_s, frame.gimbal
         self.centre_px, self.size_px = centre, np.array(box.size_px)
@@ -122,36 +101,35 @@ class Track:
         self.misses = 0
         gathered = self.evidence + odds - log_odds(confirmation.neutral_confidence)
         self.evidence = min(gathered, confirmation.most_evidence)
-        self.score += parameters.score_gain * (odds - self.score)
+        self.score += settings.score_gain * (odds - self.score)
 
-    def miss(self, confirmation: Confirmation) -> None:
+    def miss(self) -> None:
         """Note a frame without a box; the velocity is set to zero, since a nose that yaws comes back."""
         self.hits.append(False)
         self.velocity_px_s = np.zeros(2)
         self.misses += 1
-        self.evidence -= confirmation.miss_evidence
+        self.evidence -= self.confirmation.miss_evidence
 
-    def support(self, confirmation: Confirmation) -> float:
+    def support(self) -> float:
         """Log-odds of its boxes and of their size, weighted."""
-        return self.evidence + confirmation.size_weight * self.horizon_odds
+        return self.evidence + self.confirmation.size_weight * self.horizon_odds
 
     def rank(self) -> float:
         """The rival with the largest is taken."""
         return self.score + self.horizon_odds
 
-    def convincing(self, confirmation: Confirmation) -> bool:
+    def convincing(self) -> bool:
         """Whether to believe it."""
-        return (
-            sum(self.hits) >= confirmation.confirm_hits and self.support(confirmation) >= confirmation.believe_evidence
-        )
+        confirmation = self.confirmation
+        return sum(self.hits) >= confirmation.confirm_hits and self.support() >= confirmation.believe_evidence
 
-    def hopeless(self, confirmation: Confirmation) -> bool:
+    def hopeless(self) -> bool:
         """Whether a candidate can no longer be confirmed in its time."""
-        return len(self.hits) - sum(self.hits) > confirmation.confirm_frames - confirmation.confirm_hits
+        return len(self.hits) - sum(self.hits) > self.confirmation.confirm_frames - self.confirmation.confirm_hits
 
-    def lost(self, parameters: DetectorParameters, confirmation: Confirmation) -> bool:
+    def lost(self) -> bool:
         """Whether to give up a target that was believed: unseen for too long, or more and more doubtful."""
-        return self.misses >= parameters.lost_frames or self.evidence < -confirmation.doubt_evidence
+        return self.misses >= self.settings.lost_frames or self.evidence < -self.confirmation.doubt_evidence
 
 
 NETWORK_STEP_PX = 32
@@ -200,8 +178,8 @@ class TargetSearch:
         if self.target is None:
             return None
         self._since_search += 1
-        predicted_px = self.target.predicted_px(frame, self.camera.focal_px)
-        reach_px = self.target.reach_px(frame, self.parameters) if self.target.misses > 0 else 0.0
+        predicted_px = self.target.predicted_px(frame)
+        reach_px = self.target.reach_px(frame) if self.target.misses > 0 else 0.0
         tile_px, reduction = tile_for(float(self.target.size_px.max()), self.parameters, reach_px)
         centre = (float(predicted_px[0]), float(predicted_px[1]))
         found = self.detector.detect_in_tile(picture, centre, tile_px, reduction, self.confirmation.track_confidence)
@@ -213,48 +191,35 @@ class TargetSearch:
             return f"{self.name}: missed ({self.target.misses} frames)"
         if not self.tracks:
             return f"{self.name}: not found"
-        parameters = self.confirmation
-        best = max(self.tracks, key=lambda track: track.support(parameters))
+        confirmation, best = self.confirmation, max(self.tracks, key=Track.support)
         return (
-            f"{self.name}: not confirmed ({sum(best.hits)} of {parameters.confirm_hits} sightings, "
-            f"evidence {best.support(parameters):.1f} of {parameters.believe_evidence:g})"
+            f"{self.name}: not confirmed ({sum(best.hits)} of {confirmation.confirm_hits} sightings, "
+            f"evidence {best.support():.1f} of {confirmation.believe_evidence:g})"
         )
 
     def _take(self, found: list[Box], frame: Frame) -> Box | None:
         """Give boxes to the target and the candidates, the most confident first; the target's box."""
         boxes = apart(self.horizon.on_the_sea(found, frame.gimbal))
         reported = self._update_target(boxes, frame)
-        rest = [box for box in boxes if box is not reported]
         given: dict[int, Box] = {}
-        predicted = [track.predicted_px(frame, self.camera.focal_px) for track in self.tracks]
         fresh = []
-        for box in rest:
-            reach = [
-                (float(np.hypot(*(np.array(box.centre_px) - predicted[index]))), index)
-                for index, track in enumerate(self.tracks)
-                if index not in given and track.takes(box, frame, predicted[index], self.parameters)
-            ]
-            if reach:
-                given[min(reach)[1]] = box
+        for box in (box for box in boxes if box is not reported):
+            free = [(track.off_px(box, frame), index) for index, track in enumerate(self.tracks) if index not in given]
+            off_px, nearest = min(free, default=(math.inf, 0))
+            if off_px < math.inf:
+                given[nearest] = box
             elif box.confidence >= self.confirmation.start_confidence:
                 fresh.append(box)
         for index, track in enumerate(self.tracks):
             if index in given:
                 self._hit(track, given[index], frame)
             else:
-                track.miss(self.confirmation)
+                track.miss()
         boxes_of = {id(self.tracks[index]): box for index, box in given.items()}
-        alive = [track for track in self.tracks if not track.hopeless(self.confirmation)]
+        alive = [track for track in self.tracks if not track.hopeless()]
         room = max(self.parameters.most_candidates - len(alive), 0)
-        started = [
-            Track.start(box, self.horizon.evidence(box, frame), frame, self.confirmation) for box in fresh[:room]
-        ]
-        self.tracks = alive + started
-        best = max(
-            (track for track in self.tracks if track.convincing(self.confirmation)),
-            key=Track.rank,
-            default=None,
-        )
+        self.tracks = alive + [self._start(box, frame) for box in fresh[:room]]
+        best = max((track for track in self.tracks if track.convincing()), key=Track.rank, default=None)
         if best is not None and (
             self.target is None or best.rank() > self.target.rank() + self.parameters.recheck_margin
         ):
@@ -262,21 +227,37 @@ class TargetSearch:
             self.target, reported = best, boxes_of.get(id(best))
         return reported
 
+    def _start(self, box: Box, frame: Frame) -> Track:
+        """A track from its first box."""
+        odds = log_odds(box.confidence)
+        return Track(
+            self.parameters,
+            self.confirmation,
+            self.camera.focal_px,
+            frame.t_s,
+            np.array(box.centre_px),
+            np.array(box.size_px),
+            np.zeros(2),
+            frame.gimbal,
+            deque([True], maxlen=self.confirmation.confirm_frames),
+            evidence=odds - log_odds(self.confirmation.neutral_confidence),
+            score=odds,
+            horizon_odds=self.horizon.evidence(box, frame),
+        )
+
     def _hit(self, track: Track, box: Box, frame: Frame) -> None:
-        horizon_odds = self.horizon.evidence(box, frame)
-        track.hit(box, horizon_odds, frame, self.camera.focal_px, self.parameters, self.confirmation)
+        track.hit(box, self.horizon.evidence(box, frame), frame)
 
     def _update_target(self, boxes: list[Box], frame: Frame) -> Box | None:
         target = self.target
         if target is None:
             return None
-        predicted_px = target.predicted_px(frame, self.camera.focal_px)
-        box = next((item for item in boxes if target.takes(item, frame, predicted_px, self.parameters)), None)
+        box = next((item for item in boxes if target.off_px(item, frame) < math.inf), None)
         if box is not None:
             self._hit(target, box, frame)
         else:
-            target.miss(self.confirmation)
-        if target.lost(self.parameters, self.confirmation):
+            target.miss()
+        if target.lost():
             self.target, self._since_search = None, 0
             return None
         return box
