@@ -37,7 +37,7 @@ _OLD_SHARE = 0.1
 """Share of spoiled messages that are replaced by an earlier one as a whole."""
 
 
-_NOT_SPOILED = {"stamp_s", "gimbal_age_s", "alerts"}
+_NOT_SPOILED = {"stamp_s", "gimbal_age_s", "alerts", "waves_off"}
 """Skipped without a draw, so that a flight's spoiled values stay what they were."""
 
 
