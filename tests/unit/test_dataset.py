@@ -5,34 +5,9 @@ import numpy as np
 import pytest
 
 from shipland.errors import DataError
-from shipland.learning.augment import clip_targets, training_window, window
-from shipland.learning.dataset import IGNORED, coco_table, read_dataset
-from shipland.learning.settings import AugmentParameters
+from shipland.learning.dataset import coco_table, read_dataset
 
 LATIN = "Brücke\n".encode("latin-1")
-
-PLAIN = AugmentParameters(
-    scale_min=1.0,
-    scale_max=1.0,
-    fit=False,
-    on_target=0.0,
-    mosaic=0.0,
-    mirror=0.0,
-    contrast=0.0,
-    brightness=0.0,
-    gamma=0.0,
-    saturation=0.0,
-    hue_deg=0.0,
-    blur=0.0,
-    blur_max_px=0.0,
-    sharpen=0.0,
-    sharpen_max=0.0,
-    tone=0.0,
-    noise=0.0,
-    noise_max=0.0,
-    min_side_px=4.0,
-    min_visible=0.4,
-)
 
 
 @pytest.fixture
@@ -122,50 +97,6 @@ def test_empty_folder_and_missing_folder(tmp_path):
         read_dataset(tmp_path / "none")
     with pytest.raises(DataError, match="holds no picture"):
         read_dataset(tmp_path)
-
-
-def test_window_moves_picture_and_target_together(folder, rng):
-    """The white square must lie under its target, whatever was cut and zoomed; JPEG blurs its edge by a pixel."""
-    picture, targets = read_dataset(folder).samples[4].load()
-    zoom = AugmentParameters(**{**vars(PLAIN), "scale_min": 0.7, "scale_max": 2.0, "on_target": 1.0})
-    for _ in range(30):
-        cut, moved = window(picture, targets, (40, 40), zoom, rng)
-        assert cut.shape == (40, 40, 3)
-        assert len(moved) == 1
-        rows, columns = np.nonzero(cut[..., 0] > 172)
-        _, x, y, w, h = moved[0]
-        np.testing.assert_allclose([columns.min(), columns.max() + 1], [x - w / 2, x + w / 2], atol=1.2)
-        np.testing.assert_allclose([rows.min(), rows.max() + 1], [y - h / 2, y + h / 2], atol=1.2)
-
-
-def test_same_generator_same_window(folder):
-    samples = read_dataset(folder).samples
-    busy = AugmentParameters(
-        **{**vars(PLAIN), "mosaic": 0.5, "mirror": 0.5, "noise": 1.0, "noise_max": 9.0, "hue_deg": 9.0, "gamma": 0.3}
-    )
-
-    def draw(rng):
-        return samples[int(rng.integers(10))].load()
-
-    first = [training_window(draw, 64, busy, np.random.default_rng(3)) for _ in range(2)]
-    np.testing.assert_array_equal(first[0][0], first[1][0])
-    np.testing.assert_array_equal(first[0][1], first[1][1])
-
-
-def test_targets_cut_off_or_tiny_are_not_asked_for():
-    targets = np.array(
-        [
-            [0, 20, 20, 10, 10],  # whole
-            [0, 1, 20, 10, 10],  # six tenths inside
-            [0, -3, 20, 10, 10],  # two tenths inside
-            [0, 30, 30, 3, 3],  # tiny
-            [0, -9, 20, 10, 10],  # outside
-        ],
-        np.float32,
-    )
-    cut = clip_targets(targets, (40, 40), PLAIN)
-    assert cut[:, 0].tolist() == [0.0, 0.0, IGNORED, IGNORED]
-    np.testing.assert_allclose(cut[1, 1:], [3, 20, 6, 10])
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from shipland.learning import run as running  # noqa: E402
 from shipland.learning import train as training  # noqa: E402
 from shipland.learning.arguments import TrainArguments  # noqa: E402
 from shipland.learning.checkpoint import Progress, load_checkpoint, save_checkpoint  # noqa: E402
-from shipland.learning.dataset import read_dataset  # noqa: E402
+from shipland.learning.dataset import IGNORED, read_dataset  # noqa: E402
 from shipland.learning.export import write_onnx  # noqa: E402
 from shipland.learning.loss import (  # noqa: E402
     assign,
@@ -30,7 +30,7 @@ from shipland.learning.loss import (  # noqa: E402
 )
 from shipland.learning.metrics import Tally, match  # noqa: E402
 from shipland.learning.settings import LossParameters, TrainParameters, train_parameters  # noqa: E402
-from shipland.learning.windows import DiskWindows, ResidentWindows  # noqa: E402
+from shipland.learning.windows import _NOTHING, ResidentWindows, Windows, _asked_for, _clipped, colour  # noqa: E402
 from shipland.learning.yolov3 import yolov3_layers  # noqa: E402
 from shipland.vision.far.decode import Decoding, DetectorSpec, decode  # noqa: E402
 from shipland.vision.far.layouts import load_reader  # noqa: E402
@@ -218,7 +218,7 @@ def test_training_learns(squares, tmp_path):
     parameters, dataset = training._parameters(wanted), read_dataset(squares)
     torch.set_num_threads(1)
     run = training._start(wanted, parameters, dataset)
-    batch = DiskWindows(dataset, parameters, run.device).draw([], np.random.default_rng(1))
+    batch = Windows(dataset, parameters, run.device).draw([], np.random.default_rng(1))
     losses = []
     for step in range(24):
         losses.append(float(running.step(run, parameters, *batch, 0.0).sum()))
@@ -226,14 +226,23 @@ def test_training_learns(squares, tmp_path):
     assert losses[-1] < losses[0] / 3.0
 
 
-def test_windows_from_memory_hold_what_the_pictures_hold(squares):
-    """Uncoloured and at their own scale: inside every target of a window it is light, and nothing light is untold."""
+PLAIN = dict.fromkeys(("contrast", "brightness", "gamma", "saturation", "hue_deg", "tone"), 0.0)
+PLAIN |= dict.fromkeys(("blur", "sharpen", "noise", "mosaic"), 0.0)
+
+
+def windows_of(source, dataset, parameters):
+    """From disk or from memory, on the CPU."""
+    more = (1,) if source is ResidentWindows else ()
+    return source(dataset, parameters, torch.device("cpu"), *more)
+
+
+@pytest.mark.parametrize("source", [Windows, ResidentWindows])
+@pytest.mark.parametrize("mosaic", [0.0, 1.0])
+def test_windows_hold_what_the_pictures_hold(squares, source, mosaic):
+    """Uncoloured and near their own scale: inside every target of a window it is light, and nothing light is untold."""
     parameters = training._parameters(arguments(squares, squares / "none", 5))
-    plain = dict.fromkeys(("contrast", "brightness", "gamma", "saturation", "hue_deg", "tone"), 0.0)
-    plain |= dict.fromkeys(("blur", "sharpen", "noise", "mosaic"), 0.0)
-    augment = replace(parameters.augment, scale_min=0.8, scale_max=1.25, **plain)
-    dataset = read_dataset(squares)
-    windows = ResidentWindows(dataset, replace(parameters, augment=augment, batch=40), torch.device("cpu"), 1)
+    augment = replace(parameters.augment, scale_min=0.8, scale_max=1.25, **PLAIN | {"mosaic": mosaic})
+    windows = windows_of(source, read_dataset(squares), replace(parameters, augment=augment, batch=40))
     pictures, targets = windows.draw([], np.random.default_rng(3))
     assert pictures.shape == (40, 3, 64, 64)
     light = (pictures.mean(1) > 130.0 / 255.0).float()
@@ -245,6 +254,50 @@ def test_windows_from_memory_hold_what_the_pictures_hold(squares):
         covered[int(number), max(rows.start - 2, 0) : rows.stop + 2, max(columns.start - 2, 0) : columns.stop + 2] = 1.0
     assert (light * (1.0 - covered)).mean() < 0.002
     assert (targets[:, 1] >= 0).sum() > 15
+
+
+def test_windows_from_disk_and_from_memory_are_the_same(squares):
+    parameters, dataset = training._parameters(arguments(squares, squares / "none", 5)), read_dataset(squares)
+    drawn = [
+        windows_of(source, dataset, parameters).draw([(1, 20.0, 30.0)], np.random.default_rng(7))
+        for source in (Windows, Windows, ResidentWindows)
+    ]
+    for pictures, targets in drawn[1:]:
+        assert torch.equal(pictures, drawn[0][0])
+        assert torch.equal(targets, drawn[0][1])
+
+
+def test_a_plain_window_has_the_pictures_own_pixels(squares):
+    parameters, dataset = training._parameters(arguments(squares, squares / "none", 5)), read_dataset(squares)
+    parameters = replace(parameters, augment=replace(parameters.augment, scale_min=1.0, scale_max=1.0))
+    whole = windows_of(Windows, dataset, parameters).plain(1, np.random.default_rng(0))
+    np.testing.assert_array_equal(whole, dataset.samples[1].load()[0])
+
+
+def test_targets_cut_off_or_tiny_are_not_asked_for():
+    boxes = torch.tensor(
+        [
+            [0.0, 20, 20, 10, 10, 100],  # whole
+            [0.0, 1, 20, 10, 10, 100],  # six tenths inside
+            [0.0, -3, 20, 10, 10, 100],  # two tenths inside
+            [0.0, 30, 30, 3, 3, 9],  # tiny
+            [0.0, -9, 20, 10, 10, 100],  # outside
+        ]
+    )
+    cut = _asked_for(_clipped(boxes, torch.zeros(2), torch.full((2,), 40.0)), train_parameters("far", None).augment)
+    assert cut[:, 0].tolist() == [0.0, 0.0, IGNORED, IGNORED, _NOTHING]
+    np.testing.assert_allclose(cut[1, 1:5], [3, 20, 6, 10])
+
+
+def test_colours_change_within_their_bounds_and_not_at_all_without_any():
+    windows = torch.rand((6, 3, 32, 32), generator=torch.Generator().manual_seed(1))
+    augment = train_parameters("far", None).augment
+    same = colour(windows, replace(augment, **PLAIN), torch.Generator().manual_seed(2))
+    np.testing.assert_allclose(same, windows, atol=0.5 / 255.0 + 1e-6)
+    greys = torch.full((6, 3, 32, 32), 0.5)
+    turned = colour(greys, replace(augment, **PLAIN | {"hue_deg": 60.0, "saturation": 0.9}), torch.Generator())
+    np.testing.assert_allclose(turned, greys, atol=0.5 / 255.0 + 1e-6)  # grey has no hue
+    assert (colour(windows, augment, torch.Generator().manual_seed(2)) - windows).abs().mean() > 0.02
 
 
 def test_pictures_that_are_fitted_to_the_window_wait_so(squares):
@@ -369,7 +422,7 @@ def test_a_detectors_file_is_a_start(squares, tmp_path):
     for mine, theirs in zip(ours, load_reader(file, "onnxruntime", "fp32", 1).network.run(picture), strict=True):
         np.testing.assert_allclose(mine, theirs, atol=2e-3 * np.abs(theirs).max())
     before = [norm.running_mean.clone() for norm in run.network.modules() if isinstance(norm, torch.nn.BatchNorm2d)]
-    windows = DiskWindows(dataset, parameters, run.device)
+    windows = Windows(dataset, parameters, run.device)
     running.step(run, parameters, *windows.draw([], np.random.default_rng(1)), 0.0)
     after = [norm.running_mean for norm in run.network.modules() if isinstance(norm, torch.nn.BatchNorm2d)]
     assert all(torch.equal(one, two) for one, two in zip(before, after, strict=True))

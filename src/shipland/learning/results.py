@@ -7,17 +7,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import torch
 
 from shipland.figures import drawn
 from shipland.files import write_atomically
 from shipland.learning.arguments import TrainArguments
-from shipland.learning.augment import window
 from shipland.learning.checkpoint import Progress
 from shipland.learning.dataset import Dataset
 from shipland.learning.export import write_int8, write_onnx
 from shipland.learning.network import Network, weights_of
 from shipland.learning.settings import TrainParameters
 from shipland.learning.split import Split
+from shipland.learning.windows import Windows
 from shipland.learning.yolov3 import flop_count, parameter_count
 from shipland.vision.far.decode import DetectorSpec
 from shipland.vision.pictures import Picture
@@ -77,12 +78,11 @@ def write_results(trained: Trained) -> None:
 def calibration_windows(dataset: Dataset, parameters: TrainParameters, seed: int) -> Iterator[Picture]:
     """Training pictures at their own scale, cut to the window, uncoloured."""
     rng = np.random.default_rng([seed, 2])
-    plain = replace(parameters.augment, scale_min=1.0, scale_max=1.0)
-    side = (parameters.window_px, parameters.window_px)
+    plain = replace(parameters, augment=replace(parameters.augment, scale_min=1.0, scale_max=1.0))
+    windows = Windows(dataset, plain, torch.device("cpu"))
     count = min(parameters.calibration_pictures, len(dataset.samples))
     for index in rng.choice(len(dataset.samples), size=count, replace=False):
-        picture, targets = dataset.samples[index].load()
-        yield window(picture, targets, side, plain, rng)[0]
+        yield windows.plain(int(index), rng)
 
 
 def plot_curves(path: Path, progress: Progress, match_iou: float) -> None:

@@ -6,7 +6,7 @@ import contextlib
 import math
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,6 @@ import torch
 from torch import Tensor
 
 from shipland.errors import DataError
-from shipland.learning.augment import window
 from shipland.learning.checkpoint import Progress, optimizer_tensors, prefixed, save_checkpoint
 from shipland.learning.dataset import Dataset, Targets
 from shipland.learning.loss import detection_loss
@@ -188,7 +187,7 @@ def mine(
     # In the set's order: pictures of one size lie together.
     chosen = np.sort(rng.choice(count, size=min(parameters.mine_pictures, count), replace=False)).tolist()
     found: list[tuple[float, HardPoint]] = []
-    looked = look(run, parameters, (_whole(windows.load(index), parameters) for index in chosen))
+    looked = look(run, parameters, map(windows.load, chosen))
     for index, (boxes, scores, targets) in zip(chosen, looked, strict=True):
         tally = Tally(parameters.match_iou)
         verdict = tally.add(boxes, scores, targets)
@@ -202,20 +201,11 @@ def mine(
     return [point for score, point in worst if score > 0.1]
 
 
-def _whole(loaded: tuple[Picture, Targets], parameters: TrainParameters) -> tuple[Picture, Targets]:
-    """A whole picture as it is; fitted to the window where training fits it."""
-    if not parameters.augment.fit:
-        return loaded
-    plain = replace(parameters.augment, scale_min=1.0, scale_max=1.0, on_target=0.0)
-    side = (parameters.window_px, parameters.window_px)
-    return window(*loaded, side, plain, np.random.default_rng(0))
-
-
 def validate(run: Run, parameters: TrainParameters, held_out: Dataset) -> Tally:
     """Tally over held-out pictures at their own size (or fitted to the window, as in training)."""
     tally = Tally(parameters.match_iou)
     samples = held_out.samples[:: -(-len(held_out.samples) // parameters.validation_pictures)]
-    for boxes, scores, targets in look(run, parameters, (_whole(sample.load(), parameters) for sample in samples)):
+    for boxes, scores, targets in look(run, parameters, (sample.load(parameters.fit_px) for sample in samples)):
         tally.add(boxes, scores, targets)
     return tally
 

@@ -97,6 +97,11 @@ class TrainParameters:
     augment: AugmentParameters = key(AugmentParameters(), "see `AugmentParameters`")
     loss: LossParameters = key(LossParameters(), "see `LossParameters`")
 
+    @property
+    def fit_px(self) -> int:
+        """Whole pictures are first scaled to this longer side; 0 keeps native pixels."""
+        return self.window_px if self.augment.fit else 0
+
     def __post_init__(self) -> None:
         require(self.window_px % 32 == 0, "window_px must be a multiple of 32, at least 64")
         require(

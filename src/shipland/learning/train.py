@@ -34,7 +34,7 @@ from shipland.learning.results import CURVES, DETECTOR, Trained, plot_curves, wr
 from shipland.learning.run import BEST, LAST, Run, steps, through
 from shipland.learning.settings import TrainParameters, train_parameters
 from shipland.learning.split import split
-from shipland.learning.windows import DiskWindows, ResidentWindows, Windows, decoded_bytes
+from shipland.learning.windows import ResidentWindows, Windows, decoded_bytes
 from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, read_weights, yolov3_layers
 from shipland.progress import followed
 from shipland.vision.far.decode import Decoding, DetectorSpec
@@ -68,7 +68,7 @@ def train(arguments: TrainArguments) -> Trained:
         print(f"WARNING: {parts.warning}. Trust `shipland evaluate --data` on another day's pictures.", file=sys.stderr)
     run = _start(arguments, parameters, fitting)
     windows = _windows(arguments, parameters, fitting, run.device)
-    if isinstance(windows, DiskWindows):
+    if not isinstance(windows, ResidentWindows):
         for _ in followed(dataset.check_pictures(), "checking pictures", len(dataset.samples)):
             pass
     work = steps(run, parameters, windows, (fitting, held_out), arguments.out, arguments.seed, arguments.minutes)
@@ -126,7 +126,7 @@ def _windows(arguments: TrainArguments, parameters: TrainParameters, fitting: Da
         free, _ = torch.cuda.mem_get_info(device)
         resident = decoded_bytes(fitting) < MOST_OF_MEMORY * free
     if not resident:
-        return DiskWindows(fitting, parameters, device)
+        return Windows(fitting, parameters, device)
     return ResidentWindows(fitting, parameters, device, max(arguments.threads, os.cpu_count() or 1))
 
 
@@ -184,8 +184,7 @@ def _spec(arguments: TrainArguments, parameters: TrainParameters, fitting: Datas
             elif len(sample.boxes):
                 sizes.append(sample.boxes[:, 3:5] * sample.size_px())
         anchors = fit_anchors(np.concatenate(sizes) if sizes else np.zeros((0, 2)), arguments.seed)
-    fit_px = parameters.window_px if parameters.augment.fit else 0
-    return DetectorSpec(fitting.classes, anchors, parameters.decoding, arguments.width, fit_px=fit_px)
+    return DetectorSpec(fitting.classes, anchors, parameters.decoding, arguments.width, fit_px=parameters.fit_px)
 
 
 def _initial(path: Path, spec: DetectorSpec) -> tuple[dict[str, Tensor], DetectorSpec]:

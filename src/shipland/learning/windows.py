@@ -1,42 +1,36 @@
-"""Where training windows come from: pictures read from disk one by one, or a set that lies in the device's memory.
+"""Training windows of labelled pictures: cut at native size, zoomed, mirrored, put together and coloured, in batches.
 
-On a CPU the network is the slow part and windows are cut by OpenCV as they are needed. A GPU would starve on that:
-there the pictures are decoded once, by many threads, and windows are cut, mirrored, put together and coloured in
-batches. Both draw by the same rules (`augment`), not the same numbers.
+The pictures are read when they are wanted, or lie in the device's memory, decoded once by many threads: a GPU would
+starve on reading.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor
 from torch.nn import functional
 
-from shipland.learning.augment import HARD_JITTER, training_window
 from shipland.learning.dataset import IGNORED, Dataset, Targets
 from shipland.learning.settings import AugmentParameters, TrainParameters
 from shipland.vision.pictures import Picture
 
 HardPoint = tuple[int, float, float]
 """A place where the detector erred: number of the picture, column and row [px]."""
+HARD_JITTER = 0.35
+"""How far from a window's middle a hard place may lie, in sides."""
 _NOTHING = -2.0
 """Class of a row that only fills up a table."""
 
-
-class Windows(Protocol):
-    """A source of training windows."""
-
-    def draw(self, hard: Sequence[HardPoint], rng: np.random.Generator) -> tuple[Tensor, Tensor]:
-        """One batch: pictures (n,3,s,s) 0 … 1 and targets (m,6) rows (picture, class, centre, size) [px]."""
-
-    def load(self, index: int) -> tuple[Picture, Targets]:
-        """A whole picture (h,w,3) BGR and its targets [px]."""
+Blocks = dict[tuple[int, ...], tuple[Tensor, Tensor]]
+"""Pictures (n,h,w,3) and their targets (n,k,5), filled up to the most that a picture has, by the pictures' shape."""
+Place = tuple[tuple[int, ...], int]
+"""Of a picture in `Blocks`: its shape and its row."""
 
 
 def to_batch(pictures: Sequence[Picture], device: torch.device) -> Tensor:
@@ -45,99 +39,37 @@ def to_batch(pictures: Sequence[Picture], device: torch.device) -> Tensor:
     return batch.permute(0, 3, 1, 2).float().div_(255.0)
 
 
-@dataclass(frozen=True)
-class DiskWindows:
-    """Windows of pictures that are read when they are wanted."""
-
-    dataset: Dataset
-    parameters: TrainParameters
-    device: torch.device
-
-    def load(self, index: int) -> tuple[Picture, Targets]:
-        """See `Windows.load`."""
-        return self.dataset.samples[index].load()
-
-    def draw(self, hard: Sequence[HardPoint], rng: np.random.Generator) -> tuple[Tensor, Tensor]:
-        """See `Windows.draw`."""
-        pictures, rows = [], []
-        for number in range(self.parameters.batch):
-            over = None
-            if hard and rng.random() < self.parameters.hard_fraction:
-                index, column_px, row_px = hard[int(rng.integers(len(hard)))]
-                over = *self.load(index), (column_px, row_px)
-            side = self.parameters.window_px
-            picture, targets = training_window(self._drawn, side, self.parameters.augment, rng, over)
-            pictures.append(picture)
-            rows.append(np.column_stack([np.full(len(targets), number, np.float32), targets]))
-        found = np.concatenate(rows).astype(np.float32)
-        return to_batch(pictures, self.device), torch.from_numpy(found).to(self.device)
-
-    def _drawn(self, rng: np.random.Generator) -> tuple[Picture, Targets]:
-        return self.load(int(rng.integers(len(self.dataset.samples))))
-
-
-class ResidentWindows:
-    """Windows of a set whose pictures, all decoded, lie in the device's memory, in one block for each size.
+class Windows:
+    """Windows of a set whose pictures are read when they are wanted.
 
     Args:
         dataset: the set.
-        parameters: of training; where they fit pictures to the window, these are kept already fitted.
-        device: that holds the pictures.
-        threads: that decode them.
+        parameters: of training.
+        device: that the windows are cut on.
     """
 
-    def __init__(self, dataset: Dataset, parameters: TrainParameters, device: torch.device, threads: int) -> None:
-        fit_px = parameters.window_px if parameters.augment.fit else 0
-        self.parameters, self.device = parameters, device
-        blocks: dict[tuple[int, ...], tuple[list[Picture], list[Targets]]] = {}
-        self._place: list[tuple[tuple[int, ...], int]] = []
-        # OpenCV lets go of Python's lock while it decodes.
-        with ThreadPoolExecutor(max(1, threads)) as pool:
-            for picture, targets in pool.map(lambda sample: sample.load(fit_px), dataset.samples):
-                pictures, rows = blocks.setdefault(picture.shape, ([], []))
-                self._place.append((picture.shape, len(pictures)))
-                pictures.append(picture)
-                rows.append(targets)
-        most = max(1, max((len(rows) for _, table in blocks.values() for rows in table), default=1))
-        self._pictures: dict[tuple[int, ...], Tensor] = {}
-        self._targets: dict[tuple[int, ...], Tensor] = {}
-        for shape, (pictures, table) in blocks.items():
-            held = torch.empty((len(pictures), *shape), dtype=torch.uint8, device=device)
-            for start in range(0, len(pictures), 256):
-                held[start : start + 256] = torch.from_numpy(np.stack(pictures[start : start + 256])).to(device)
-            pictures.clear()
-            filled = np.full((len(table), most, 5), _NOTHING, np.float32)
-            for index, targets in enumerate(table):
-                filled[index, : len(targets)] = targets
-            self._pictures[shape], self._targets[shape] = held, torch.from_numpy(filled).to(device)
+    def __init__(self, dataset: Dataset, parameters: TrainParameters, device: torch.device) -> None:
+        self.dataset, self.parameters, self.device = dataset, parameters, device
 
     def load(self, index: int) -> tuple[Picture, Targets]:
-        """See `Windows.load`."""
-        shape, row = self._place[index]
-        targets = self._targets[shape][row].cpu().numpy()
-        return self._pictures[shape][row].cpu().numpy(), targets[targets[:, 0] > _NOTHING]
+        """A whole picture (h,w,3) BGR, fitted to the window where training fits it, and its targets [px]."""
+        return self.dataset.samples[index].load(self.parameters.fit_px)
+
+    def _held(self, chosen: Sequence[int]) -> tuple[Blocks, list[Place]]:
+        """Blocks that hold the chosen pictures, and where each lies in them."""
+        return _in_blocks(map(self.load, chosen), self.device)
 
     def draw(self, hard: Sequence[HardPoint], rng: np.random.Generator) -> tuple[Tensor, Tensor]:
-        """See `Windows.draw`."""
+        """One batch: pictures (n,3,s,s) 0 … 1 and targets (m,6) rows (picture, class, centre, size) [px]."""
         count = self.parameters.batch
-        generator = torch.Generator(self.device).manual_seed(int(rng.integers(2**62)))
-        chosen = rng.integers(len(self._place), size=count)
+        generator = self._generator(rng)
+        chosen = rng.integers(len(self.dataset.samples), size=count)
         points = np.full((count, 2), np.nan, np.float32)
         if hard:
             taken = np.flatnonzero(rng.random(count) < self.parameters.hard_fraction)
             picked = np.array([hard[index] for index in rng.integers(len(hard), size=len(taken))]).reshape(-1, 3)
             chosen[taken], points[taken] = picked[:, 0].astype(int), picked[:, 1:]
-        pictures, targets = [], []
-        for shape in self._pictures:
-            mine = [number for number in range(count) if self._place[chosen[number]][0] == shape]
-            if not mine:
-                continue
-            rows = torch.tensor([self._place[chosen[number]][1] for number in mine], device=self.device)
-            at = torch.from_numpy(points[mine]).to(self.device)
-            cut, moved = self._cut(self._pictures[shape], self._targets[shape], rows, at, generator)
-            pictures.append(cut)
-            targets.append(moved)
-        batch, boxes = torch.cat(pictures), torch.cat(targets)
+        batch, boxes = self._cut_all(chosen.tolist(), points, generator)
         batch, boxes = self._mosaic(batch, boxes, generator)
         batch, boxes = self._mirror(batch, boxes, generator)
         batch = colour(batch, self.parameters.augment, generator)
@@ -145,6 +77,29 @@ class ResidentWindows:
         picture, row = (boxes[..., 0] > _NOTHING).nonzero(as_tuple=True)
         found = torch.cat([picture[:, None].float(), boxes[picture, row, :5]], 1)
         return batch.contiguous(memory_format=torch.channels_last), found
+
+    def plain(self, index: int, rng: np.random.Generator) -> Picture:
+        """One window (s,s,3) BGR of a picture, as it is cut."""
+        batch, _ = self._cut_all([index], np.full((1, 2), np.nan, np.float32), self._generator(rng))
+        return np.asarray((255.0 * batch[0]).round().byte().permute(1, 2, 0).cpu().numpy(), np.uint8)
+
+    def _generator(self, rng: np.random.Generator) -> torch.Generator:
+        return torch.Generator(self.device).manual_seed(int(rng.integers(2**62)))
+
+    def _cut_all(
+        self, chosen: Sequence[int], points: npt.NDArray[np.float32], generator: torch.Generator
+    ) -> tuple[Tensor, Tensor]:
+        """A window of each chosen picture, over its point (2,) unless that is NaN; those of one size together."""
+        blocks, places = self._held(chosen)
+        pictures, targets = [], []
+        for shape, block in blocks.items():
+            mine = [number for number, place in enumerate(places) if place[0] == shape]
+            if mine:
+                rows = torch.tensor([places[number][1] for number in mine], device=self.device)
+                cut, moved = self._cut(*block, rows, torch.from_numpy(points[mine]).to(self.device), generator)
+                pictures.append(cut)
+                targets.append(moved)
+        return torch.cat(pictures), torch.cat(targets)
 
     def _cut(
         self, pictures: Tensor, targets: Tensor, rows: Tensor, points: Tensor, generator: torch.Generator
@@ -174,6 +129,7 @@ class ResidentWindows:
         jitter = 0.5 + HARD_JITTER * (2.0 * uniform(count, 2) - 1.0)
         corner = torch.where(points.isnan(), corner, scale * points.nan_to_num() - jitter * side)
         corner = torch.minimum(torch.maximum(corner, least), most)
+        corner = torch.where(scale == 1.0, corner.round(), corner)  # a picture's own pixels stay as they are
         # Only the part of the picture that is wanted leaves the store; it is then scaled like an affine map would.
         patch = math.ceil(side / a.scale_min) + 2
         first = torch.floor(corner / scale).long()
@@ -227,6 +183,49 @@ class ResidentWindows:
         return batch, torch.cat([boxes[..., :1], column[..., None], boxes[..., 2:]], -1)
 
 
+class ResidentWindows(Windows):
+    """Windows of a set that lies in the device's memory, decoded by so many threads."""
+
+    def __init__(self, dataset: Dataset, parameters: TrainParameters, device: torch.device, threads: int) -> None:
+        super().__init__(dataset, parameters, device)
+        # OpenCV lets go of Python's lock while it decodes.
+        with ThreadPoolExecutor(max(1, threads)) as pool:
+            self._blocks, self._places = _in_blocks(pool.map(super().load, range(len(dataset.samples))), device)
+
+    def load(self, index: int) -> tuple[Picture, Targets]:
+        """See `Windows.load`."""
+        shape, row = self._places[index]
+        pictures, table = self._blocks[shape]
+        targets = table[row].cpu().numpy()
+        return pictures[row].cpu().numpy(), targets[targets[:, 0] > _NOTHING]
+
+    def _held(self, chosen: Sequence[int]) -> tuple[Blocks, list[Place]]:
+        return self._blocks, [self._places[index] for index in chosen]
+
+
+def _in_blocks(loaded: Iterable[tuple[Picture, Targets]], device: torch.device) -> tuple[Blocks, list[Place]]:
+    """Pictures and their targets on a device, and the place of each."""
+    found: dict[tuple[int, ...], tuple[list[Picture], list[Targets]]] = {}
+    places: list[Place] = []
+    for picture, targets in loaded:
+        pictures, table = found.setdefault(picture.shape, ([], []))
+        places.append((picture.shape, len(pictures)))
+        pictures.append(picture)
+        table.append(targets)
+    most = max((len(targets) for _, table in found.values() for targets in table), default=0)
+    blocks: Blocks = {}
+    for shape, (pictures, table) in found.items():
+        held = torch.empty((len(pictures), *shape), dtype=torch.uint8, device=device)
+        for start in range(0, len(pictures), 256):
+            held[start : start + 256] = torch.from_numpy(np.stack(pictures[start : start + 256])).to(device)
+        pictures.clear()
+        filled = np.full((len(table), max(1, most), 5), _NOTHING, np.float32)
+        for index, targets in enumerate(table):
+            filled[index, : len(targets)] = targets
+        blocks[shape] = held, torch.from_numpy(filled).to(device)
+    return blocks, places
+
+
 def _clipped(boxes: Tensor, low: Tensor, high: Tensor) -> Tensor:
     """Rows (…,6) with their boxes cut to low … high (2,); those outside become `_NOTHING`."""
     start = torch.maximum(boxes[..., 1:3] - 0.5 * boxes[..., 3:5], low).minimum(high)
@@ -245,33 +244,31 @@ def _asked_for(boxes: Tensor, parameters: AugmentParameters) -> Tensor:
 
 
 def colour(batch: Tensor, parameters: AugmentParameters, generator: torch.Generator) -> Tensor:
-    """The same windows (n,3,s,s) 0 … 1 through other lenses, lights and sensors: as `augment.colour`, in a batch."""
-    count, device = len(batch), batch.device
+    """The same windows (n,3,s,s) 0 … 1 through other lenses, lights and sensors."""
+    count, shape, device, p = len(batch), batch.shape[2:], batch.device, parameters
 
     def uniform(low: float, high: float) -> Tensor:
-        return low + (high - low) * torch.rand((count, 1, 1, 1), generator=generator, device=device)
+        return low + (high - low) * torch.rand((count, 1), generator=generator, device=device)
 
-    p = parameters
-    batch = batch.clamp(1e-4, 1.0) ** uniform(1.0 - p.gamma, 1.0 + p.gamma)
-    batch = (batch - 0.5) * uniform(1.0 - p.contrast, 1.0 + p.contrast) + 0.5
-    batch = (batch + uniform(-p.brightness, p.brightness) / 255.0).clamp(0.0, 1.0)
-    bend = uniform(-p.tone, p.tone)
-    batch = batch + bend * (2.0 * batch - 1.0) * batch * (1.0 - batch) * 2.0  # an S, or its inverse
-    turn = uniform(-p.hue_deg, p.hue_deg) * (math.pi / 180.0)
-    stretch = 1.0 + uniform(-p.saturation, p.saturation)
-    grey = batch.mean(1, keepdim=True)
-    chroma = batch - grey
-    # Turning about the grey axis: v cos + (k × v) sin, k the axis.
-    across = (chroma[:, [2, 0, 1]] - chroma[:, [1, 2, 0]]) / math.sqrt(3.0)
-    batch = grey + stretch * (chroma * turn.cos() + across * turn.sin())
-    soft = uniform(0.0, 1.0) < p.blur
-    sharp = uniform(0.0, 1.0) < p.sharpen
-    near = _blurred(batch, (0.2 + (p.blur_max_px - 0.2) * uniform(0.0, 1.0)).clamp(min=0.2))
-    batch = torch.where(soft, near, batch)
-    batch = torch.where(sharp & ~soft, batch + uniform(0.0, p.sharpen_max) * (batch - near), batch)
+    curve = torch.linspace(0.0, 1.0, 256, device=device) ** uniform(1.0 - p.gamma, 1.0 + p.gamma)
+    curve = (curve - 0.5) * uniform(1.0 - p.contrast, 1.0 + p.contrast) + 0.5
+    curve = (curve + uniform(-p.brightness, p.brightness) / 255.0).clamp(0.0, 1.0)
+    curve = curve + 2.0 * uniform(-p.tone, p.tone) * (2.0 * curve - 1.0) * curve * (1.0 - curve)  # an S, or its inverse
+    batch = curve.gather(1, (255.0 * batch).round().long().flatten(1)).view(count, 3, -1)
+    # The hue turns about the grey axis: v cos + (k × v) sin, k the axis; the saturation stretches what is not grey.
+    turn, stretch = uniform(-p.hue_deg, p.hue_deg) * (math.pi / 180.0), 1.0 + uniform(-p.saturation, p.saturation)
+    turn, stretch = turn[..., None], stretch[..., None]
+    one, grey = torch.eye(3, device=device), torch.full((3, 3), 1.0 / 3.0, device=device)
+    across = (one.roll(-1, 1) - one.roll(1, 1)) / math.sqrt(3.0)
+    batch = (grey + stretch * (turn.cos() * (one - grey) + turn.sin() * across)) @ batch
+    batch = batch.view(count, 3, *shape)
+    soft, sharp = uniform(0.0, 1.0) < p.blur, uniform(0.0, 1.0) < p.sharpen
+    strength = torch.where(soft, -1.0, sharp * uniform(0.0, p.sharpen_max))  # −1 leaves what is blurred alone
+    near = _blurred(batch, uniform(min(0.2, p.blur_max_px), p.blur_max_px).clamp(min=0.2))
+    batch = batch + strength[..., None, None] * (batch - near)
+    noise = (uniform(0.0, 1.0) < p.noise) * uniform(0.0, p.noise_max) / 255.0
     grain = torch.randn(batch.shape, generator=generator, device=device)
-    noisy = (uniform(0.0, 1.0) < p.noise) * uniform(0.0, p.noise_max) / 255.0
-    return (batch + noisy * grain).clamp(0.0, 1.0)
+    return (batch + noise[..., None, None] * grain).clamp(0.0, 1.0)
 
 
 def _blurred(batch: Tensor, sigma_px: Tensor) -> Tensor:
