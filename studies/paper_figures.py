@@ -8,21 +8,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from itertools import product
-from typing import Any, get_args
-
-import numpy as np
+from typing import get_args
 
 from shipland.guidance.laws import derivative_gain, exponential_law
 from shipland.guidance.parameters import FarVariant
 from shipland.reproduce import far
 from shipland.reproduce.near import CONTROLS as DERIVATIVES
-from shipland.reproduce.near import FALSE_M, NOISE_M, fly_hover, near_figures
+from shipland.reproduce.near import FALSE_M, LAW_STEPS, NOISE_M, fly_hover, near_figures
 from shipland.scenario.scenario import load_scenario
 from studies.harness import Case, Column, Row, Study
 
-ERRORS_PX = (-100.0, -50.0, -20.0, -5.0, 5.0, 20.0, 50.0, 100.0)
-STEPS = (-2.0, -1.0, 0.0, 1.0, 2.0, 4.0)
-"""Of the error, in standard deviations of the bell."""
 NEAR_CASES = ((NOISE_M, True), (0.0, True), (0.0, False))
 """Noise added to estimates, and whether the sticks' slew is bound."""
 
@@ -47,13 +42,13 @@ def measure(case: Case, _runs: int) -> Row | list[Row]:
 
 def _roll_law(case: Case) -> list[Row]:
     roll, law = load_scenario("near").guidance.ship.roll, case["law"]
-    return [{"error_px": px, "stick": float(exponential_law(px, roll, law))} for px in ERRORS_PX]  # type: ignore[arg-type]
+    return [{"error_px": px, "stick": float(exponential_law(px, roll, law))} for px in far.LAW_ERRORS_PX]  # type: ignore[arg-type]
 
 
 def _derivative_gain(case: Case) -> list[Row]:
     gains = getattr(load_scenario("near").guidance.near, str(case["law"]))
-    found = [float(derivative_gain(step * gains.sigma, 0.03, gains, "probabilistic")) for step in STEPS]
-    return [{"step": step, "gain": gain, "linear": gains.b} for step, gain in zip(STEPS, found, strict=True)]
+    found = [float(derivative_gain(step * gains.sigma, 0.03, gains, "probabilistic")) for step in LAW_STEPS]
+    return [{"step": step, "gain": gain, "linear": gains.b} for step, gain in zip(LAW_STEPS, found, strict=True)]
 
 
 def _steps(case: Case) -> list[Row]:
@@ -85,16 +80,7 @@ def _readings(case: Case) -> Row:
         far.approach_figures(far.fly_approach(each, variant), bar_px2, ahead_m)  # type: ignore[arg-type]
         for each in far.APPROACHES
     ]
-    names = ("overshoot_m", "run_in_m", "off_m", "sideways_mps")
-    medians: dict[str, Any] = {name: float(np.median([getattr(each, name) for each in found])) for name in names}
-    settled = sum(not math.isnan(each.settled_s) for each in found)
-    times_s = [each.setpoint_s for each in found if not math.isnan(each.setpoint_s)]
-    return {
-        "flights": len(found),
-        "settled": settled,
-        **medians,
-        "setpoint_s": float(np.median(times_s)) if times_s else None,
-    }
+    return {name: _none(value) for name, value in far.summed(found).items() if name != "lost"}
 
 
 def _near(case: Case) -> Row:
@@ -105,7 +91,7 @@ def _near(case: Case) -> Row:
 
 
 def _none(value: float) -> float | None:
-    return None if math.isnan(value) else float(value)
+    return None if math.isnan(value) else value
 
 
 FIGURES: dict[str, Callable[[Case], Row | list[Row]]] = {

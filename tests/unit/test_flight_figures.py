@@ -85,5 +85,3 @@ def test_a_folder_of_logs_gives_three_pictures(tmp_path):
 def test_a_folder_without_flights_is_said_in_words(tmp_path):
     with pytest.raises(DataError, match="holds no log of a simulated flight"):
         read_flights(tmp_path)
-    with pytest.raises(DataError, match="no rows"):
-        plot_commands(tmp_path / "one.png", log_of([]), PARAMETERS)

@@ -36,13 +36,7 @@ _DPI = 80
 
 @dataclass(frozen=True)
 class Seen:
-    """A target in a picture.
-
-    Attributes:
-        picture: (H,W,3) BGR.
-        true_px: its edges, left, top, right and bottom, None where it is not to be seen.
-        box: what the detector found there, if anything.
-    """
+    """A target in a picture (H,W,3) BGR: its true edges where it is to be seen, and the box that was found there."""
 
     picture: Picture
     true_px: NearestBox | None

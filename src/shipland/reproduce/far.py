@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -37,6 +38,8 @@ CONTROLS: dict[str, tuple[FarKind, FarVariant]] = {
     "exponential, growing": ("exponential", "growing"),
     "exponential, printed": ("exponential", "printed"),
 }
+LAW_ERRORS_PX = (-100.0, -50.0, -20.0, -5.0, 5.0, 20.0, 50.0, 100.0)
+"""For which the law's stick is told."""
 READINGS: tuple[FarVariant, ...] = ("saturating", "growing")
 """The two symmetric ones of erratum 3."""
 
@@ -101,9 +104,7 @@ def step_figures(t_s: Array, error_px: Array) -> StepFigures:
     step_px = float(error_px[seen[0]])
     side = math.copysign(1.0, step_px)
     outside = np.flatnonzero(~(np.abs(error_px) <= SETTLED_SHARE * abs(step_px)))
-    settled_s = math.nan
-    if outside[-1] + 1 < len(t_s):
-        settled_s = float(t_s[outside[-1] + 1])
+    settled_s = float(t_s[outside[-1] + 1]) if outside[-1] + 1 < len(t_s) else math.nan
     late = error_px[t_s > t_s[-1] - LATE_S]
     late = late[np.isfinite(late)]
     return StepFigures(
@@ -231,3 +232,11 @@ def approach_figures(trace: FarTrace, bar_setpoint_px2: float, bar_ahead_m: floa
         setpoint_s=float(trace.t_s[last]) if len(reached) else math.nan,
         lost=bool(np.isnan(trace.off_px[: last + 1, 0]).any()),
     )
+
+
+def summed(approaches: Sequence[ApproachFigures]) -> dict[str, float]:
+    """Of a reading's approaches: their number, how many settled before the run-in and lost the ship, and medians."""
+    names = ("overshoot_m", "run_in_m", "off_m", "sideways_mps", "setpoint_s")
+    medians = {name: float(np.nanmedian([getattr(each, name) for each in approaches])) for name in names}
+    settled = sum(not math.isnan(each.settled_s) for each in approaches)
+    return {"flights": len(approaches), "settled": settled, **medians, "lost": sum(each.lost for each in approaches)}

@@ -111,9 +111,7 @@ def touchdowns_of(logs: Sequence[FlightLog]) -> Touchdowns:
 
 
 def plot_trajectories(path: Path, logs: Sequence[FlightLog], title: str, parameters: PlotParameters) -> None:
-    """Many flights from above and from the side, coloured by mode.
-
-    [Lee2022, §Tracking Capability and Landing Accuracy] shows its flights so.
+    """Many flights from above and from the side, by mode, as in [Lee2022, §Tracking Capability and Landing Accuracy].
 
     Above: in the axes of the ship at the start; a ship under way is drawn every five seconds. Side: height over the
     neutral deck against distance from the ship.
@@ -193,15 +191,7 @@ def draw_key(axes: Axes, logs: Sequence[FlightLog]) -> None:
 
 
 def plot_commands(path: Path, log: FlightLog, parameters: PlotParameters) -> None:
-    """One flight's sticks, distances and heading over time, the mode behind them.
-
-    [Lee2022, §Tracking Capability and Landing Accuracy] shows its flights so.
-
-    Raises:
-        DataError: the log has no rows, or the file cannot be written.
-    """
-    if not log.records:
-        raise DataError("the flight log has no rows: nothing to plot")
+    """One flight's sticks, distances and heading over time, the mode behind them, as in the same place of [Lee2022]."""
     columns = log.columns()
     with drawn(path, (9.0, 11.0), parameters.dpi) as figure:
         write_title(figure, log)

@@ -16,13 +16,7 @@ from shipland.evaluation.landing import Landing
 from shipland.evaluation.tally import Tally
 from shipland.figures import drawn
 from shipland.record.reader import FlightLog, read_log
-from shipland.report.landing_plots import (
-    deck_trace,
-    draw_touchdowns,
-    plot_instants,
-    plot_touchdowns,
-    touchdowns_of,
-)
+from shipland.report.landing_plots import deck_trace, draw_touchdowns, plot_instants, plot_touchdowns, touchdowns_of
 from shipland.report.outputs import OutputParameters
 from shipland.reproduce.flight_figures import draw_above, draw_key, tracks_of
 from shipland.rig import Rig

@@ -27,6 +27,8 @@ FALSE_M = 0.5
 NOISE_M = 0.005
 """The paper's accuracy, "sub-centimeter", as a standard deviation of each coordinate."""
 DURATION_S = 14.0
+LAW_STEPS = (-2.0, -1.0, 0.0, 1.0, 2.0, 4.0)
+"""Of the error, in standard deviations of the bell, for which the derivative's gain is told."""
 SETTLED_S = 3.0
 """Before the false estimate: the span in which the stick's noise is read."""
 
@@ -106,10 +108,9 @@ def fly_hover(near: dict[str, Any], noise_m: float, false_m: float, slew: bool =
     scenario = load_scenario(merge(scenario_table("near"), overlay))
     vehicle = build_vehicle(scenario, 1, None)
     autonomy = build_autonomy(scenario, vehicle, "paper", "geometric", 1)
+    spoiled = Spoiled(autonomy.vision, noise_m, false_m, np.random.default_rng(1))
     tapped = Tapped(autonomy.pilot)
-    autonomy = replace(
-        autonomy, vision=Spoiled(autonomy.vision, noise_m, false_m, np.random.default_rng(1)), pilot=tapped
-    )
+    autonomy = replace(autonomy, vision=spoiled, pilot=tapped)
     records: list[FlightRecord] = []
     fly(vehicle, autonomy, DURATION_S, lambda: 0.0, records.append)
     middle_m = float(scenario.rig.deck_in_bar_m[1])
@@ -118,8 +119,7 @@ def fly_hover(near: dict[str, Any], noise_m: float, false_m: float, slew: bool =
     for record, law_percent in zip(records, tapped.roll_percent, strict=True):
         if record.truth is None:
             continue
-        pose = record.observation.bar_pose
-        seen_m = np.nan
+        pose, seen_m = record.observation.bar_pose, np.nan
         if pose is not None:
             seen_m = float(pose.position_in_bar_m[1]) - float(camera_m[0]) * np.sin(pose.yaw_rad) - middle_m
         right_m = float(record.truth.aircraft_in_bar_m[1]) - middle_m

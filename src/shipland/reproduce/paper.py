@@ -10,8 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import get_args
 
-import numpy as np
-
 from shipland.extras import require
 from shipland.guidance.laws import derivative_gain, exponential_law
 from shipland.guidance.parameters import FarVariant
@@ -22,7 +20,7 @@ from shipland.reproduce.geometry import distance_size, yolo_grid
 from shipland.reproduce.landings import PUBLISHED_RUNS, courses, touchdowns
 from shipland.reproduce.names import FigureName
 from shipland.reproduce.near import CONTROLS as DERIVATIVES
-from shipland.reproduce.near import FALSE_AT_S, FALSE_M, NOISE_M, fly_hover, near_figures
+from shipland.reproduce.near import FALSE_AT_S, FALSE_M, LAW_STEPS, NOISE_M, fly_hover, near_figures
 from shipland.reproduce.near_chain import near_chain
 from shipland.reproduce.ranges import FarCase, FarTrace
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
@@ -75,10 +73,9 @@ def _progress(words: str) -> None:
 def _roll_law(path: Path, scenario: Scenario) -> str:
     ship, match_px = scenario.guidance.ship, scenario.guidance.far_baselines.match_px
     plots.plot_roll_law(path, ship, match_px)
-    errors_px = (-100.0, -50.0, -20.0, -5.0, 5.0, 20.0, 50.0, 100.0)
-    head = ["error [px]", *(f"{error_px:+.0f}" for error_px in errors_px)]
+    head = ["error [px]", *(f"{error_px:+.0f}" for error_px in far.LAW_ERRORS_PX)]
     rows = [
-        [f"{variant} [%]", *(f"{exponential_law(error_px, ship.roll, variant):+.0f}" for error_px in errors_px)]
+        [f"{variant} [%]", *(f"{exponential_law(error_px, ship.roll, variant):+.0f}" for error_px in far.LAW_ERRORS_PX)]
         for variant in get_args(FarVariant)
     ]
     return _table(head, rows)
@@ -87,12 +84,11 @@ def _roll_law(path: Path, scenario: Scenario) -> str:
 def _derivative_gain(path: Path, scenario: Scenario) -> str:
     near = scenario.guidance.near
     plots.plot_derivative_gain(path, near)
-    steps = (-2.0, -1.0, 0.0, 1.0, 2.0, 4.0)
-    head = ["axis", *(f"step {step:+g} σ" for step in steps), "linear"]
+    head = ["axis", *(f"step {step:+g} σ" for step in LAW_STEPS), "linear"]
     rows = []
     for name in ("pitch", "roll", "heave", "yaw"):
         gains = getattr(near, name)
-        values = [derivative_gain(step * gains.sigma, 0.03, gains, "probabilistic") for step in steps]
+        values = [derivative_gain(step * gains.sigma, 0.03, gains, "probabilistic") for step in LAW_STEPS]
         rows.append([name, *(f"{value:.2f}" for value in values), f"{gains.b:g}"])
     return _table(head, rows)
 
@@ -110,7 +106,7 @@ def _far_steps(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one sig
             for axis, rows in enumerate((sideways, vertical)):
                 figures = far.step_figures(trace.t_s, trace.off_px[:, axis])
                 share = 100.0 * figures.overshoot_px / abs(figures.step_px)
-                overshoot, *others = _texts(figures, _STEP)
+                overshoot, *others = _texts(vars(figures), _STEP)
                 rows.append([case.name, name, overshoot, f"{share:.0f}", *others])
     plots.plot_far_steps(path, shown)
     overshot, *other = _STEP
@@ -157,27 +153,30 @@ def _far_readings(path: Path, scenario: Scenario) -> str:
             figures = far.approach_figures(trace, bar_px2, bar_ahead_m)
             by_reading[variant].append(figures)
             place = [f"{case.distance_m:.0f}", f"{case.offset_deg:.0f}", f"{case.wind_mps:.0f}", variant]
-            rows.append([*place, *_texts(figures, _APPROACH)])
+            rows.append([*place, *_texts(vars(figures), _APPROACH)])
     plots.plot_readings(path, shown, bar_ahead_m)
-    sums = [_reading_sum(variant, all_of) for variant, all_of in by_reading.items()]
+    sums = [[variant, *_texts(far.summed(all_of), _SUM)] for variant, all_of in by_reading.items()]
     return "\n\n".join(
         [
             f"Hand-over: {far.HAND_OVER_M:.0f} m from the bar, where corners take over. Run-in: the "
             f"{far.RUN_IN_M:.0f} m before it. Settled: from when on within {far.AXIS_M:.0f} m of the ship's axis, if "
             "before the run-in. "
             "Setpoint area: when the bar's box, flown on past the hand-over, came within a fifth of 3400 px².",
-            _table(["reading", "flights", "settled before the run-in", *_SUM, "ship lost on the way there"], sums),
+            _table(["reading", *_SUM], sums),
             _table(["from [m]", "offset [°]", "wind [m/s]", "reading", *_APPROACH], rows),
         ]
     )
 
 
 _SUM = {
+    "flights": ("flights", "d"),
+    "settled before the run-in": ("settled", "d"),
     "overshoot, median [m]": ("overshoot_m", ".1f"),
     "off the axis in the run-in, median [m]": ("run_in_m", ".1f"),
     "at the hand-over, median [m]": ("off_m", ".1f"),
     "across the axis there, median [m/s]": ("sideways_mps", ".1f"),
     "setpoint area, median [s]": ("setpoint_s", ".0f"),
+    "ship lost on the way there": ("lost", "d"),
 }
 _APPROACH = {
     "overshoot [m]": ("overshoot_m", ".1f"),
@@ -192,14 +191,6 @@ _APPROACH = {
 }
 
 
-def _reading_sum(variant: str, flights: list[far.ApproachFigures]) -> list[str]:
-    settled = sum(not math.isnan(flight.settled_s) for flight in flights)
-    medians = [
-        _text(float(np.nanmedian([getattr(flight, name) for flight in flights])), form) for name, form in _SUM.values()
-    ]
-    return [variant, str(len(flights)), str(settled), *medians, str(sum(flight.lost for flight in flights))]
-
-
 def _near_false(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one signature for all
     rows, shown = [], {}
     cases = ((NOISE_M, FALSE_M, True), (0.0, FALSE_M, True), (0.0, FALSE_M, False), (0.0, 4.0 * FALSE_M, False))
@@ -210,7 +201,7 @@ def _near_false(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one si
             if noise_m > 0.0:
                 shown[name] = spoiled
             case = [f"{1000.0 * noise_m:.0f}", f"{false_m:g}", _text(slew), name]
-            rows.append([*case, *_texts(figures, _NEAR), f"{100.0 * figures.excursion_m:.1f}"])
+            rows.append([*case, *_texts(vars(figures), _NEAR), f"{100.0 * figures.excursion_m:.1f}"])
     plots.plot_near(path, shown)
     words = (
         f"One estimate is false, at {FALSE_AT_S:g} s, to the right. Noise of the stick: before it, from step to step. "
@@ -227,9 +218,9 @@ _NEAR = {
 }
 
 
-def _texts(figures: object, columns: Mapping[str, tuple[str, str]]) -> list[str]:
+def _texts(figures: Mapping[str, float], columns: Mapping[str, tuple[str, str]]) -> list[str]:
     """Figures as the cells of these columns."""
-    return [_text(getattr(figures, name), form) for name, form in columns.values()]
+    return [_text(figures[name], form) for name, form in columns.values()]
 
 
 def _text(value: float | bool, form: str = "") -> str:

@@ -40,13 +40,10 @@ def plot_roll_law(path: Path, ship: FarParameters, match_px: float) -> None:
             errors_px = np.linspace(-reach_px, reach_px, 401)
             for variant, colour in _READING_COLOURS.items():
                 sticks = [exponential_law(float(error_px), ship.roll, variant) for error_px in errors_px]
-                width = 2.6 if variant == "printed" else 1.6
-                style = "-" if variant != "printed" else (0, (1, 1))
+                width, style = (2.6, (0, (1, 1))) if variant == "printed" else (1.6, "-")
                 axes.plot(errors_px, sticks, color=unit(colour), linewidth=width, linestyle=style, label=variant)
-            slope = exponential_law(match_px, ship.roll, "saturating") / match_px
-            axes.plot(
-                errors_px, np.clip(slope * errors_px, -100.0, 100.0), color=unit(GREEN), linestyle="--", label="P"
-            )
+            linear = exponential_law(match_px, ship.roll, "saturating") / match_px * errors_px
+            axes.plot(errors_px, np.clip(linear, -100.0, 100.0), color=unit(GREEN), linestyle="--", label="P")
             axes.set_xlabel("ship right of the picture's middle [px]")
             axes.set_xlim(-reach_px, reach_px)
         panels[0].set_title("roll stick [%]")
@@ -79,12 +76,7 @@ def _draw_gain(axes: Axes, gains: NearGains, reach: float, name: str, colour: Rg
 
 
 def plot_far_steps(path: Path, columns: Mapping[str, Mapping[str, FarTrace]]) -> None:
-    """Sideways and vertical errors and their sticks over time.
-
-    Args:
-        path: PNG to write; DataError when it cannot be.
-        columns: case → control → trace; one column of panels a case.
-    """
+    """Sideways and vertical errors and their sticks over time, a column a case and a curve a control."""
     with drawn(path, (11.0, 9.0), _DPI) as figure:
         panels = figure.subplots(4, len(columns), sharex=True, sharey="row", squeeze=False)
         titles = ("sideways error [px]", "roll stick [%]", "vertical error [px]", "heave stick [%]")
@@ -110,11 +102,9 @@ def plot_readings(path: Path, flights: Mapping[FarCase, Mapping[FarVariant, FarT
         panels = figure.subplots(len(flights), 1, squeeze=False)[:, 0]
         for axes, (case, traces) in zip(panels, flights.items(), strict=True):
             for variant, trace in traces.items():
-                range_m = bar_ahead_m - trace.place_in_ship_m[:, 0]
+                range_m, right_m = bar_ahead_m - trace.place_in_ship_m[:, 0], trace.place_in_ship_m[:, 1]
                 end = int(np.argmax(range_m < 0.5 * HAND_OVER_M)) or len(range_m)
-                axes.plot(
-                    range_m[:end], trace.place_in_ship_m[:end, 1], color=unit(_READING_COLOURS[variant]), label=variant
-                )
+                axes.plot(range_m[:end], right_m[:end], color=unit(_READING_COLOURS[variant]), label=variant)
             axes.axvline(HAND_OVER_M, color=unit(ORANGE), linestyle="--")
             axes.axhline(0.0, color="#888888", linewidth=0.8)
             axes.set_xlim(case.distance_m + 5.0, 0.0)

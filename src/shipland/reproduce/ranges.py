@@ -19,16 +19,7 @@ from shipland.flight import Autonomy, fly
 from shipland.frames import Array
 from shipland.guidance.far import FarSight, FarTables, FarTarget, far_control
 from shipland.guidance.parameters import FarKind, FarVariant
-from shipland.messages import (
-    Box,
-    Decision,
-    FlightRecord,
-    Frame,
-    Mode,
-    Observation,
-    PilotCommand,
-    Telemetry,
-)
+from shipland.messages import Box, Decision, FlightRecord, Frame, Mode, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
 from shipland.safety.assurance import Safety
 from shipland.scenario.autonomy import build_vehicle, response_of
@@ -53,7 +44,6 @@ class FarCase:
         approach: fly pitch and yaw too, and on the bar within its range; else these sticks stay zero, which holds.
         duration_s: of the flight.
         below_deg: below the horizon the box is wanted (Table 1: on it): more lifts the reference point off the sea.
-        seed: of aircraft, sensors and noise.
     """
 
     distance_m: float
@@ -66,7 +56,6 @@ class FarCase:
     approach: bool
     duration_s: float
     below_deg: float = 0.0
-    seed: int = 1
 
 
 @dataclass(frozen=True)
@@ -139,13 +128,8 @@ def ship_points_in_ship_m(rig: Rig) -> Array:
 
 def bar_points_in_bar_m(rig: Rig) -> Array:
     """(4, 3) corners of the board."""
-    return np.array(
-        [
-            (0.0, right * 0.5 * rig.board_size_m[0], down * 0.5 * rig.board_size_m[1])
-            for right in (-1.0, 1.0)
-            for down in (-1.0, 1.0)
-        ]
-    )
+    half_m = 0.5 * np.array([0.0, *rig.board_size_m])
+    return np.array([half_m * [0.0, right, down] for right in (-1.0, 1.0) for down in (-1.0, 1.0)])
 
 
 class FarPilot:
@@ -166,16 +150,14 @@ class FarPilot:
         if mode is not self._mode:
             self._far.reset()
             self._mode = mode
-        sticks = self._command
         if box is not None:
             heading_rad = telemetry.heading_rad
             error_deg = -math.degrees(heading_rad) if heading_rad is not None else None
             sight = FarSight(box, target, observation.t_s, observation.gimbal.pitch_rad, error_deg)
             pitch, roll, heave, yaw = self._far.sticks(sight)
             pitch, yaw = (pitch, yaw) if case.approach else (0.0, 0.0)
-            sticks = PilotCommand(telemetry.t_s, pitch, roll, heave, yaw, 0.0)
-            self._command = sticks
-        return Decision(sticks, mode, "far control alone")
+            self._command = PilotCommand(telemetry.t_s, pitch, roll, heave, yaw, 0.0)
+        return Decision(self._command, mode, "far control alone")
 
 
 def exact_start(distance_m: float, bearing_deg: float, height_m: float) -> dict[str, float]:
@@ -205,8 +187,8 @@ def fly_far(case: FarCase, overlay: dict[str, Any] | None = None) -> FarTrace:
     focal_px = Camera.from_parameters(build(CameraParameters, base["camera"])).focal_px
     row_px = base["guidance"]["ship"]["heave"]["setpoint"] + focal_px * math.tan(math.radians(case.below_deg))
     scenario = load_scenario(merge(base, {"guidance": {"ship": {"heave": {"setpoint": row_px}}}}))
-    vehicle = build_vehicle(scenario, case.seed, None)
-    eyes = TrueBoxes(vehicle, scenario.rig, case.noise_px, np.random.default_rng([case.seed, 1]))
+    vehicle = build_vehicle(scenario, 1, None)
+    eyes = TrueBoxes(vehicle, scenario.rig, case.noise_px, np.random.default_rng([1, 1]))
     pilot = FarPilot(scenario, case, vehicle.camera)
     records: list[FlightRecord] = []
     lens_in_body_m = np.array(scenario.camera.position_in_body_m)
