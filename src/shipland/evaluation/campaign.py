@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 import platform
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
@@ -20,7 +19,7 @@ from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.evaluation.landing import COLUMNS, Landing, as_text, row_of
 from shipland.evaluation.suite import Cell
 from shipland.factories import name_of
-from shipland.files import json_bytes, json_of, read_text, replacing, write_atomically
+from shipland.files import json_bytes, json_of, read_text, write_atomically, write_csv
 from shipland.rig import Rig
 from shipland.sim.aircraft.parameters import AirframeParameters
 from shipland.sim.ship.ship import ShipParameters
@@ -85,25 +84,19 @@ class _Rows:
 
 
 class OpenCampaign:
-    """A plan's rows, opened by `open_campaign` for this process alone.
-
-    Attributes:
-        plan: as asked for.
-        lost: flights whose process died or that raised; they are flown again next time.
-    """
+    """A plan's rows, opened by `open_campaign` for this process alone; flights that are `lost` are flown next time."""
 
     def __init__(self, plan: CampaignPlan) -> None:
         self.plan = plan
         self.lost: list[LostFlight] = []
         self._rows: dict[str, CampaignFolder | _Rows] = {}
+        if plan.out is None:
+            self._rows = {cell.name: _Rows() for cell in plan.cells}
+            return
         for cell in plan.cells:
-            if plan.out is None:
-                self._rows[cell.name] = _Rows()
-            else:
-                key = campaign_key(cell.scenario, cell.pilot, cell.vision)
-                self._rows[cell.name] = folder_in(plan.out / cell.name, key)
-        if plan.out is not None:
-            _write_beside(plan, plan.out)
+            key = campaign_key(cell.scenario, cell.pilot, cell.vision)
+            self._rows[cell.name] = folder_in(plan.out / cell.name, key)
+        _write_beside(plan, plan.out)
 
     def missing(self) -> Iterator[FlightJob]:
         """The flights that are missing, seed by seed over all cells."""
@@ -311,8 +304,5 @@ def rows_of(cells: Sequence[CellResult]) -> Iterator[dict[str, Any]]:
 def write_rows(path: Path, cells: Sequence[CellResult]) -> None:
     """Write `flights.csv`; numbers that a flight does not have are empty."""
     settings = dict.fromkeys(key for cell in cells for key, _ in cell.settings)
-    with replacing(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
-        head = ["suite", "cell", "scenario", "pilot", "vision", *settings, *COLUMNS]
-        rows = csv.DictWriter(file, head, lineterminator="\n")
-        rows.writeheader()
-        rows.writerows(map(as_text, rows_of(cells)))
+    head = ["suite", "cell", "scenario", "pilot", "vision", *settings, *COLUMNS]
+    write_csv(path, head, map(as_text, rows_of(cells)))

@@ -5,7 +5,6 @@ Croissant 1.0 (MLCommons) is JSON-LD on schema.org: files with their digests, an
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -17,7 +16,7 @@ from shipland.errors import DataError
 from shipland.evaluation.campaign import cells_file, read_cells, rows_of
 from shipland.evaluation.landing import Conditions, Landing, Phases, as_text, column_of
 from shipland.extras import installed
-from shipland.files import json_bytes, replacing, write_atomically
+from shipland.files import json_bytes, write_atomically, write_csv
 from shipland.report.lerobot import write_lerobot
 from shipland.report.posed_pictures import MEANINGS, pack_pictures
 
@@ -113,10 +112,7 @@ def _write_table(
     out: Path, name: str, rows: Sequence[Mapping[str, Any]], files: dict[str, str]
 ) -> list[tuple[str, str]]:
     """Rows as CSV and, with pyarrow, Parquet, noted in `files`; each column's name and Croissant's type of it."""
-    with replacing(out / f"{name}.csv") as beside, beside.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(as_text(dict(row)) for row in rows)
+    write_csv(out / f"{name}.csv", list(rows[0]), (as_text(dict(row)) for row in rows))
     files[f"{name}.csv"] = "text/csv"
     columns = {column: column_of(column, [row[column] for row in rows]) for column in rows[0]}
     if installed("dataset"):

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -14,7 +13,7 @@ from rich.table import Table
 
 from shipland.errors import ConfigError
 from shipland.figures import drawn
-from shipland.files import writing
+from shipland.files import write_csv, writing
 from shipland.frames import Array
 from shipland.report.palette import BLUE, GREEN, GREY, VERMILION, unit
 from shipland.scenario.autonomy import drawn_ship
@@ -88,10 +87,9 @@ TIME_RULES: tuple[Literal["froude", "length_only"], ...] = ("froude", "length_on
 
 @dataclass(frozen=True)
 class Traces:
-    """Ship and wind, sampled.
+    """Ship and wind, sampled at (N,) times.
 
     Attributes:
-        t_s: (N,).
         deck: (N, 6) surge, sway, heave [m], roll, pitch, yaw [deg] of the deck in `ship`.
         course: (N, 3) north, east [m], course [deg] of the ship.
         wind_in_ned_mps: (N, 3) air velocity over the deck.
@@ -122,14 +120,7 @@ class Statistics:
 
 @dataclass(frozen=True)
 class Sampling:
-    """How long and how finely a scenario is looked at.
-
-    Attributes:
-        duration_s: length of the CSV files and of the figure.
-        statistics_s: length of the record behind the table.
-        step_s: time step of the files and the figure.
-        seed: of everything random.
-    """
+    """Length of the CSV files and the figure and of the record behind the table; time step of files and figure."""
 
     duration_s: float = 120.0
     statistics_s: float = 1800.0
@@ -174,11 +165,7 @@ def statistics(scenario: Scenario, seed: int, duration_s: float) -> tuple[Statis
 
 
 def report_case(scenario: Scenario, sampling: Sampling, out: Path, console: Console) -> None:
-    """Write table, CSV files and figure.
-
-    Raises:
-        DataError: the folder cannot be written.
-    """
+    """Write table, CSV files and figure; DataError where the folder cannot be written."""
     traces = sample(scenario, sampling.seed, sampling.duration_s, sampling.step_s)
     stats = statistics(scenario, sampling.seed, sampling.statistics_s)
     air = np.column_stack([traces.t_s, traces.course, traces.wind_in_ned_mps])
@@ -239,28 +226,23 @@ def _measured(columns: dict[str, tuple[Statistics, ...]]) -> dict[str, list[str]
 
 
 def _write_table(path: Path, columns: dict[str, tuple[Statistics, ...]]) -> None:
-    header = ("case", "motion", "unit", "significant_amplitude", "mean_period_s", "largest")
-    rows = (
-        (
-            case.replace("\n", ", "),
-            name,
-            unit.replace("°", "deg"),
-            f"{s.significant:.4f}",
-            f"{s.period_s:.3f}",
-            f"{s.largest:.4f}",
-        )
+    rows = [
+        {
+            "case": case.replace("\n", ", "),
+            "motion": name,
+            "unit": unit.replace("°", "deg"),
+            "significant_amplitude": f"{s.significant:.4f}",
+            "mean_period_s": f"{s.period_s:.3f}",
+            "largest": f"{s.largest:.4f}",
+        }
         for case, of_case in columns.items()
         for name, unit, s in zip(DOF_NAMES, UNITS, of_case, strict=True)
-    )
-    _write_rows(path, header, rows)
+    ]
+    with writing(path):
+        write_csv(path, list(rows[0]), rows)
 
 
 def _write_series(path: Path, header: tuple[str, ...], values: Array) -> None:
-    _write_rows(path, header, ([f"{value:.6g}" for value in row] for row in values.tolist()))
-
-
-def _write_rows(path: Path, header: tuple[str, ...], rows: Iterable[Iterable[str]]) -> None:
-    with writing(path), path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(rows)
+    with writing(path):
+        texts = ([f"{value:.6g}" for value in row] for row in values.tolist())
+        write_csv(path, header, (dict(zip(header, row, strict=True)) for row in texts))

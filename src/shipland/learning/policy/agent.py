@@ -74,12 +74,7 @@ class Progress:
 
 
 class Run:
-    """What changes from step to step.
-
-    Args:
-        arguments: of the command.
-        envs: flown.
-    """
+    """What changes from step to step."""
 
     def __init__(self, arguments: LearnArguments, envs: VecEnv) -> None:
         noise = OrnsteinUhlenbeckActionNoise(
@@ -129,11 +124,7 @@ class Run:
         write_tensors(path, tensors, about)
 
     def load(self, path: Path) -> None:
-        """What `save` wrote.
-
-        Raises:
-            DataError: it is missing, truncated or another file.
-        """
+        """What `save` wrote; DataError when it is missing, truncated or another file."""
         tensors, about = read_tensors(path, FORMAT, "learn")
         agent, memory = self.agent, self.agent.replay_buffer
         assert memory is not None

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 import signal
@@ -25,44 +23,15 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv
 
 from shipland.errors import ConfigError, DataError
 from shipland.figures import drawn
-from shipland.files import write_atomically
+from shipland.files import write_atomically, write_csv
 from shipland.guidance.horizon.steering import REACH_M, Action
 from shipland.learning.policy.agent import Progress, Run, answer, dense_of
 from shipland.learning.policy.arguments import LearnArguments
-from shipland.learning.policy.export import Dense, write_policy
+from shipland.learning.policy.export import write_policy
 from shipland.progress import followed
 from shipland.stopping import uninterrupted
 
 History = Sequence[Mapping[str, float]]
-
-
-def write_results(
-    arguments: LearnArguments, layers: Sequence[Dense], action: Action, progress: Mapping[str, Any]
-) -> Path:
-    """Write `policy.onnx`, `curves.csv`, `curves.png` and `model-card.md`; the first one's path.
-
-    Args:
-        arguments: of the command.
-        layers: of the best actor.
-        action: what its action means.
-        progress: of the run, as `train.Progress`.
-    """
-    out, history = arguments.out, progress["history"]
-    policy = out / "policy.onnx"
-    write_policy(policy, layers, action, f"shipland learn, {arguments.kind}, step {progress['best_step']}")
-    write_atomically(out / "curves.csv", _table(history).encode())
-    plot_curves(out / "curves.png", history)
-    write_atomically(out / "model-card.md", _card(arguments, action, progress).encode())
-    return policy
-
-
-def _table(history: History) -> str:
-    stream = io.StringIO()
-    if history:
-        writer = csv.DictWriter(stream, list(history[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(history)
-    return stream.getvalue()
 
 
 def plot_curves(path: Path, history: History) -> None:
@@ -79,22 +48,19 @@ def plot_curves(path: Path, history: History) -> None:
         right.set(xlabel="step", ylabel="success [%]", ylim=(0.0, 100.0))
 
 
-def _card(arguments: LearnArguments, action: Action, progress: Mapping[str, Any]) -> str:
+def _card(arguments: LearnArguments, action: Action, progress: Progress) -> str:
     settings = {name: value for name, value in asdict(arguments).items() if name not in ("out", "resume")}
     meaning = "added to the pilot's own input" if action.kind == "residual" else "the input itself"
-    lines = [
-        f"# Policy: {action.kind}",
-        "",
+    return (
+        f"# Policy: {action.kind}\n\n"
         f"- Action: two accelerations of at most {action.bound_mps2:g} m/s², {meaning}; within "
-        f"{action.reach_m:g} m of the landing point, on vehicles whose sticks mean a tilt",
-        f"- Training: TD3 in the simulator, {progress['step']} steps, {progress['flown']} flights, "
-        f"{progress['updates']} updates in {progress['seconds'] / 60.0:.1f} minutes; these weights are of step "
-        f"{progress['best_step']}",
-        f"- Settings: `{json.dumps(settings)}`",
-        f"- Evaluation: mean return {progress['best']:.2f} of {arguments.flights} flights; a campaign flies others",
-        "",
-    ]
-    return "\n".join(lines)
+        f"{action.reach_m:g} m of the landing point, on vehicles whose sticks mean a tilt\n"
+        f"- Training: TD3 in the simulator, {progress.step} steps, {progress.flown} flights, "
+        f"{progress.updates} updates in {progress.seconds / 60.0:.1f} minutes; these weights are of step "
+        f"{progress.best_step}\n"
+        f"- Settings: `{json.dumps(settings)}`\n"
+        f"- Evaluation: mean return {progress.best:.2f} of {arguments.flights} flights; a campaign flies others\n"
+    )
 
 
 EnvMaker = Callable[[], gymnasium.Env[Any, Any]]
@@ -113,11 +79,7 @@ _FIRST_SEED, _EVALUATION_SEED = 1_000_000, 500_000
 
 
 def learn(arguments: LearnArguments, makers: Sequence[EnvMaker]) -> Path:
-    """Train until the steps or the time are used up or Ctrl-C comes, export; the path of the policy's ONNX file.
-
-    Args:
-        arguments: of the command.
-        makers: of the environments, `shipland/LastPhase-v0`.
+    """Train in `shipland/LastPhase-v0` until the steps or the time are used up or Ctrl-C comes; the policy's ONNX file.
 
     Raises:
         DataError: a checkpoint is wrong, or one is there that would be written over.
@@ -139,11 +101,16 @@ def learn(arguments: LearnArguments, makers: Sequence[EnvMaker]) -> Path:
 
 
 def _keep(run: Run, arguments: LearnArguments) -> Path:
-    """Write the checkpoint and what is exported, whatever signals come; the path of the policy's ONNX file."""
-    meaning = Action(arguments.kind, arguments.bound, REACH_M)
+    """Write checkpoint, policy, curves and card, whatever signals come; the path of the policy's ONNX file."""
+    out, progress, action = arguments.out, run.progress, Action(arguments.kind, arguments.bound, REACH_M)
+    note, policy = f"shipland learn, {arguments.kind}, step {progress.best_step}", out / "policy.onnx"
     with uninterrupted():
-        run.save(arguments.out / LAST)
-        return write_results(arguments, dense_of(run.best), meaning, vars(run.progress))
+        run.save(out / LAST)
+        write_policy(policy, dense_of(run.best), action, note)
+        write_csv(out / "curves.csv", list(progress.history[0]) if progress.history else (), progress.history)
+        plot_curves(out / "curves.png", progress.history)
+        write_atomically(out / "model-card.md", _card(arguments, action, progress).encode())
+    return policy
 
 
 def vector_of(makers: Sequence[EnvMaker], *, parallel: bool = False) -> VecEnv:
