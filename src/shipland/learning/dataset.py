@@ -55,11 +55,7 @@ class Sample:
             raise DataError(f"picture {self.path} is broken or no picture ({error})") from None
 
     def load(self, fit_px: int = 0) -> tuple[Picture, Targets]:
-        """The picture (h,w,3) BGR, scaled to this longer side unless 0, and its targets in pixels.
-
-        Raises:
-            DataError: the picture is broken.
-        """
+        """The picture (h,w,3) BGR, scaled to this longer side unless 0, and its targets [px]; DataError if broken."""
         picture = read_picture(self.path)
         if fit_px:
             scale = fit_px / max(picture.shape[:2])
@@ -86,11 +82,7 @@ class Dataset:
 
 
 def read_dataset(folder: Path, classes: Sequence[str] | None = None) -> Dataset:
-    """Read a set in YOLO's layout and check every label.
-
-    Args:
-        folder: holds `images/` and `labels/`, or pictures and labels side by side.
-        classes: names of the classes; None takes those of `classes.txt` or `data.yaml`.
+    """Read a set of `images/` and `labels/`, or both side by side, and check every label; classes default to its own.
 
     Raises:
         DataError: names the first file, and counts the others: no picture, missing label, broken line, unknown class,
@@ -228,15 +220,7 @@ def coco_table(dataset: Dataset) -> dict[str, Any]:
         images.append({"id": number, "file_name": sample.path.name, "width": width, "height": height})
         for kind, x, y, w, h in targets.tolist():
             box = [round(value, 3) for value in (x - w / 2, y - h / 2, w, h)]
-            annotations.append(
-                {
-                    "id": len(annotations) + 1,
-                    "image_id": number,
-                    "category_id": int(kind) + 1,
-                    "bbox": box,
-                    "area": round(w * h, 3),
-                    "iscrowd": 0,
-                }
-            )
+            numbers = {"id": len(annotations) + 1, "image_id": number, "category_id": int(kind) + 1}
+            annotations.append(numbers | {"bbox": box, "area": round(w * h, 3), "iscrowd": 0})
     categories = [{"id": index, "name": name} for index, name in enumerate(dataset.classes, 1)]
     return {"images": images, "annotations": annotations, "categories": categories}

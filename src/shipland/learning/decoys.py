@@ -35,13 +35,9 @@ _GREENS_BGR = (
 
 @dataclass(frozen=True)
 class Decoy:
-    """One thing.
+    """One thing, whose foot is at (3,) `position_in_ned_m` and whose shape and colours `seed` draws.
 
-    Attributes:
-        kind: what it is.
-        position_in_ned_m: (3,) its foot.
-        size_m: length of a vessel, height of a buoy, span of a bird, width of a green thing.
-        seed: of its shape and colours.
+    Its size is a vessel's length, a buoy's height, a bird's span or a green thing's width.
     """
 
     kind: DecoyKind
@@ -156,10 +152,8 @@ def _vessel(length_m: float, rng: np.random.Generator) -> list[Part]:
 
 def _buoy(height_m: float, rng: np.random.Generator) -> list[Part]:
     """Cone, can, sphere or spar, plain or banded."""
-    colour = np.array(
-        [(40, 40, 210), (50, 160, 40), (30, 210, 240), (30, 30, 30), (40, 120, 245), (225, 225, 225)][rng.integers(6)],
-        float,
-    )
+    colours = [(40, 40, 210), (50, 160, 40), (30, 210, 240), (30, 30, 30), (40, 120, 245), (225, 225, 225)]
+    colour = np.array(colours[rng.integers(6)], float)
     wide = height_m * rng.uniform(0.12, 0.6)
     form = rng.integers(3)
     if form == 0:
@@ -196,12 +190,8 @@ def _green(width_m: float, rng: np.random.Generator) -> list[Part]:
     parts: list[Part] = []
     if rng.random() < 0.5:
         margin = 0.4 * width_m
-        parts.append(
-            (
-                _rectangle(-width_m / 2 - margin, width_m / 2 + margin, 0.0, low + tall + margin),
-                _shade(_colour(rng), 0.9),
-            )
-        )
+        board = _rectangle(-width_m / 2 - margin, width_m / 2 + margin, 0.0, low + tall + margin)
+        parts.append((board, _shade(_colour(rng), 0.9)))
     if form == 0:
         parts.append((_rectangle(-width_m / 2, width_m / 2, low, low + tall), shade))
     elif form == 1:
@@ -209,13 +199,11 @@ def _green(width_m: float, rng: np.random.Generator) -> list[Part]:
         parts.append((_rectangle(-width_m / 2, width_m / 2, low + 0.65 * tall, low + tall), shade))
     elif form == 2:
         turn = np.linspace(0.0, 2.0 * np.pi, 16)
-        parts.append(
-            (0.5 * width_m * np.column_stack([np.cos(turn), np.sin(turn)]) + [0.0, low + 0.5 * width_m], shade)
-        )
+        disc = 0.5 * width_m * np.column_stack([np.cos(turn), np.sin(turn)]) + [0.0, low + 0.5 * width_m]
+        parts.append((disc, shade))
     else:
-        parts += [
-            (_rectangle(left * width_m, (left + 0.2) * width_m, low, low + tall), shade) for left in (-0.5, -0.1, 0.3)
-        ]
+        thirds = [_rectangle(left * width_m, (left + 0.2) * width_m, low, low + tall) for left in (-0.5, -0.1, 0.3)]
+        parts += [(third, shade) for third in thirds]
     return parts
 
 

@@ -39,14 +39,7 @@ class Assignment:
 def assign(
     targets: Tensor, spec: DetectorSpec, shapes: Sequence[tuple[int, int]], anchor_ratio: float
 ) -> list[Assignment]:
-    """Cells that answer for each target.
-
-    Args:
-        targets: (m,6) rows (picture, class, centre column, centre row, width, height) [px].
-        spec: anchors and decoding.
-        shapes: rows and columns of each scale's map.
-        anchor_ratio: see `LossParameters`.
-    """
+    """Cells that answer for each target, (m,6) rows (picture, class, centre, size) [px]; `shapes` are of the maps."""
     anchors = torch.tensor(spec.anchors_px, dtype=torch.float32, device=targets.device)  # (3,3,2)
     size = targets[:, None, None, 4:6]
     overlap = torch.minimum(size, anchors).prod(-1)
@@ -118,16 +111,10 @@ def squared_error(raw: Tensor, cell: Tensor, target: Tensor, anchors: Tensor, st
 def detection_loss(
     maps: Sequence[Tensor], targets: Tensor, spec: DetectorSpec, parameters: LossParameters
 ) -> tuple[Tensor, Tensor]:
-    """The loss of a batch.
+    """The loss of a batch: total (), and its parts (3,), box, objectness, class, detached.
 
-    Args:
-        maps: per scale (n, 3·(5 + classes), rows, columns).
-        targets: (m,6) rows (picture, class, centre, size) [px]; class -1 marks a box that the loss ignores.
-        spec: anchors, classes, decoding.
-        parameters: weights.
-
-    Returns:
-        total (), and its parts (3,): box, objectness, class; detached.
+    Maps are per scale (n, 3·(5 + classes), rows, columns); targets (m,6) rows (picture, class, centre, size) [px],
+    where class -1 marks a box that the loss ignores.
     """
     batch, count = maps[0].shape[0], 5 + len(spec.classes)
     wanted = targets[targets[:, 1] >= 0.0]
@@ -176,12 +163,8 @@ def _care(cells: Tensor, targets: Tensor, spec: DetectorSpec, scale: int, ignore
     batch, _, rows, columns, _ = cells.shape
     care = torch.ones_like(cells[..., 4])
     stride = STRIDES[scale]
-    grid = torch.stack(
-        torch.meshgrid(
-            torch.arange(columns, device=cells.device), torch.arange(rows, device=cells.device), indexing="xy"
-        ),
-        -1,
-    ).float()
+    across, down = (torch.arange(count, device=cells.device) for count in (columns, rows))
+    grid = torch.stack(torch.meshgrid(across, down, indexing="xy"), -1).float()
     anchors = torch.tensor(spec.anchors_px[scale], dtype=torch.float32, device=cells.device)[:, None, None, :]
     table = _by_picture(targets, batch)
     if table is None:

@@ -8,7 +8,6 @@ import numpy.typing as npt
 from shipland.learning.dataset import Targets
 from shipland.vision.far.decode import Float32, iou
 
-Floats = npt.NDArray[np.float64]
 COCO_IOUS = tuple(round(0.5 + 0.05 * step, 2) for step in range(10))
 """Overlaps that COCO's mean average precision is taken over."""
 
@@ -35,11 +34,7 @@ def match(boxes: Float32, scores: Float32, targets: Targets, min_iou: float) -> 
 
 
 class Tally:
-    """Hits and misses over pictures, of all classes together.
-
-    Args:
-        min_iou: overlap from which a box is a hit.
-    """
+    """Hits and misses over pictures, of all classes together; a box is a hit from the overlap `min_iou` on."""
 
     def __init__(self, min_iou: float) -> None:
         self.min_iou = min_iou

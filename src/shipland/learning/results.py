@@ -26,15 +26,7 @@ from shipland.vision.pictures import Picture
 
 @dataclass(frozen=True)
 class Trained:
-    """A training run at its end.
-
-    Attributes:
-        arguments, parameters: of the run.
-        network: with the best weights.
-        spec: of the detector.
-        progress: figures over the steps.
-        parts: pictures for training and for validation.
-    """
+    """A training run at its end; the network has the best weights."""
 
     arguments: TrainArguments
     parameters: TrainParameters

@@ -149,11 +149,11 @@ def step(run: Run, parameters: TrainParameters, pictures: Tensor, targets: Tenso
     decay = min(parameters.average_decay, (1.0 + run.progress.step) / (10.0 + run.progress.step))
     with torch.no_grad():
         pairs = list(zip(run.average.state_dict().values(), run.network.state_dict().values(), strict=True))
-        floating = [(mine, theirs) for mine, theirs in pairs if mine.dtype.is_floating_point]
-        torch._foreach_lerp_([mine for mine, _ in floating], [theirs for _, theirs in floating], 1.0 - decay)
-        for mine_, theirs in pairs:
-            if not mine_.dtype.is_floating_point:
-                mine_.copy_(theirs)
+        averages, trained = zip(*(pair for pair in pairs if pair[0].dtype.is_floating_point), strict=True)
+        torch._foreach_lerp_(list(averages), list(trained), 1.0 - decay)
+        for averaged, counted in pairs:
+            if not averaged.dtype.is_floating_point:
+                averaged.copy_(counted)
     return np.asarray(parts.cpu().numpy(), np.float64)
 
 
@@ -170,9 +170,8 @@ def look(
 
     waiting: list[tuple[Picture, Targets]] = []
     for picture, targets in pictures:
-        if waiting and (
-            waiting[0][0].shape != picture.shape or (len(waiting) + 1) * picture[..., 0].size > LOOK_PIXELS
-        ):
+        full = (len(waiting) + 1) * picture[..., 0].size > LOOK_PIXELS
+        if waiting and (full or waiting[0][0].shape != picture.shape):
             yield from flush()
             waiting = []
         waiting.append((picture, targets))
@@ -214,19 +213,11 @@ def _evaluate(run: Run, parameters: TrainParameters, held_out: Dataset, recent: 
     """Validate and save; whether this is the best so far."""
     tally = validate(run, parameters, held_out)
     score = tally.average_precision()
-    progress = run.progress
-    progress.history.append(
-        {
-            "step": float(progress.step),
-            "box_loss": float(recent[0]),
-            "objectness_loss": float(recent[1]),
-            "class_loss": float(recent[2]),
-            "average_precision": score,
-            "recall": tally.recall(0.5),
-            "learning_rate": learning_rate(progress.step - 1, done, parameters),
-            "hard_places": float(len(progress.hard)),
-        }
-    )
+    progress, rate = run.progress, learning_rate(run.progress.step - 1, done, parameters)
+    losses = dict(zip(("box_loss", "objectness_loss", "class_loss"), recent.tolist(), strict=True))
+    scores = {"average_precision": score, "recall": tally.recall(0.5), "learning_rate": rate}
+    row = {"step": float(progress.step)} | losses | scores | {"hard_places": float(len(progress.hard))}
+    progress.history.append(row)
     better = score > progress.best
     progress.best, progress.since_best = (score, 0) if better else (progress.best, progress.since_best + 1)
     run.save(out / LAST)

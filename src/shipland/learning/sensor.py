@@ -49,20 +49,12 @@ def degrade(
     """The picture (h,w,3) BGR that a camera makes of the light on it, before compression.
 
     Defocus, motion, veiling glare and vignetting act on light; tone curve, grain and sharpening follow in this order.
-
-    Args:
-        light: (h,w,3) as `Scene.light` gives it.
-        parameters: ranges.
-        rng: of what stays over a scene's frames: blur, exposure, glare, tone.
-        grain: of what does not: noise.
+    `rng` draws what stays over a scene's frames: blur, exposure, glare, tone; `grain` the noise.
     """
     height, width = light.shape[:2]
     sigma = rng.uniform(0.0, parameters.defocus_max_px)
-    moves, length, angle = (
-        rng.random() < parameters.motion,
-        rng.uniform(1.5, max(1.5, parameters.motion_max_px)),
-        rng.uniform(0, np.pi),
-    )
+    moves, length = rng.random() < parameters.motion, rng.uniform(1.5, max(1.5, parameters.motion_max_px))
+    angle = rng.uniform(0, np.pi)
     veils, veil = rng.random() < parameters.glare, rng.uniform(0.0, parameters.glare_max)
     source = rng.uniform(-0.3, 1.3, 2) * [width, height]
     reach = rng.uniform(0.3, 1.2) * width

@@ -52,8 +52,7 @@ def train(arguments: TrainArguments) -> Trained:
     """Train, evaluate, export; `detector.onnx` is the best so far from the first evaluation on.
 
     Raises:
-        DataError: a data set, checkpoint or weights file is wrong.
-        ConfigError: a setting is wrong.
+        DataError, ConfigError: a data set, checkpoint or weights file is wrong, or a setting.
     """
     if arguments.weights is not None and not arguments.weights.is_file():
         arguments = replace(arguments, weights=weights_path(str(arguments.weights), "fp32"))
@@ -95,16 +94,12 @@ def train(arguments: TrainArguments) -> Trained:
 
 def _parameters(arguments: TrainArguments) -> TrainParameters:
     parameters = train_parameters(arguments.profile, arguments.config)
+    asked = {name: getattr(arguments, name) for name in ("steps", "batch", "window_px")}
+    # A detector's file holds its normalisation folded into the kernels; there are no statistics to go on with.
+    folded = arguments.weights is not None and arguments.weights.suffix == ".onnx"
     try:
-        return replace(
-            parameters,
-            steps=parameters.steps if arguments.steps is None else arguments.steps,
-            batch=parameters.batch if arguments.batch is None else arguments.batch,
-            window_px=parameters.window_px if arguments.window_px is None else arguments.window_px,
-            # A detector's file holds its normalisation folded into the kernels; there are no statistics to go on with.
-            freeze_norm=parameters.freeze_norm
-            or (arguments.weights is not None and arguments.weights.suffix == ".onnx"),
-        )
+        given = {name: value for name, value in asked.items() if value is not None}
+        return replace(parameters, **given, freeze_norm=parameters.freeze_norm or folded)
     except ValueError as error:
         raise DataError(str(error)) from None
 
@@ -154,12 +149,12 @@ def _start(arguments: TrainArguments, parameters: TrainParameters, fitting: Data
         tensors, progress = {}, Progress(run=_identity(arguments))
         spec = _spec(arguments, parameters, fitting)
         if arguments.weights is not None:
-            tensors, spec = _initial(arguments.weights, spec)
+            state, spec = _initial(arguments.weights, spec)
+            tensors = prefixed("network", state)
     network, average = _network(spec).to(device), _network(spec).to(device)
-    if "network" in {name.split(".")[0] for name in tensors}:
+    if tensors:
         network.load_state_dict(with_prefix("network", tensors))
-    start = with_prefix("average", tensors)
-    average.load_state_dict(start or network.state_dict())
+    average.load_state_dict(with_prefix("average", tensors) or network.state_dict())
     optimizer = torch.optim.AdamW(_groups(network, parameters.weight_decay), lr=parameters.learning_rate, fused=True)
     state = with_prefix("optimizer", tensors)
     if state:
@@ -192,27 +187,22 @@ def _initial(path: Path, spec: DetectorSpec) -> tuple[dict[str, Tensor], Detecto
 
     The heads of a detector of this project belong to its anchors and decoding: those are kept.
     """
+    network, other = _network(spec), spec
     if path.suffix == ".weights":
         if spec.decoding is not Decoding.DARKNET:
             raise DataError(f"{path}: Darknet's weights need decoding = 'darknet' in [train]")
-        network = _network(spec)
         load_weights(network, read_weights(path, network.layers))
-        state = dict(network.state_dict())
     elif path.suffix == ".onnx":
         from shipland.learning.export import read_onnx
 
-        network = _network(spec)
         weights, other = read_onnx(path, network.layers)
         load_weights(network, weights)
-        spec = replace(spec, anchors_px=other.anchors_px, decoding=other.decoding)
-        state = dict(network.state_dict())
     else:
         tensors, other, _ = load_checkpoint(path)
         if (other.width, len(other.classes)) != (spec.width, len(spec.classes)):
             raise DataError(f"checkpoint {path} has width {other.width:g} and {len(other.classes)} classes")
-        state = with_prefix("average", tensors)
-        spec = replace(spec, anchors_px=other.anchors_px, decoding=other.decoding)
-    return {**prefixed("network", state), **prefixed("average", state)}, spec
+        network.load_state_dict(with_prefix("average", tensors))
+    return dict(network.state_dict()), replace(spec, anchors_px=other.anchors_px, decoding=other.decoding)
 
 
 def _groups(network: Network, decay: float) -> list[dict[str, object]]:
