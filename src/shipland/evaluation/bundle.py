@@ -80,14 +80,9 @@ class Bundle:
 
 
 def write_bundle(folder: Path, out: Path, title: str, logs: int, salt: Path | None) -> Mapping[str, Any]:
-    """Pack a campaign's folder; bundle.json is returned.
+    """Pack a campaign's folder into the zip `out`, with so many logs of each cell; bundle.json is returned.
 
-    Args:
-        folder: of a campaign.
-        out: the zip.
-        title: of the submission.
-        logs: of each cell so many are taken along, where there are any.
-        salt: what the seeds were derived from; None: they are 1, 2, 3 …
+    The seeds were derived from the salt; without one they are 1, 2, 3 …
 
     Raises:
         DataError: the folder holds no whole campaign of one code.
@@ -241,9 +236,8 @@ def _check_key(bundle: Bundle, cell: CellResult) -> None:
             raise DataError(f"{cell.name}: its {word} is {key[word]}, that of the bundle {bundle.about[word]}")
     held, files = bundle.about["own_code"], bundle.about["files"]
     aircraft = key["scenario"]["aircraft"]
-    for name in filter(
-        factories.is_own_code, (key["pilot"], key["vision"], aircraft["kind"], aircraft["loop"]["kind"])
-    ):
+    names = (key["pilot"], key["vision"], aircraft["kind"], aircraft["loop"]["kind"])
+    for name in filter(factories.is_own_code, names):
         if held.get(name) != f"code/{name.partition(':')[0]}.py" or held[name] not in files:
             raise DataError(f"{cell.name}: it names code that the bundle does not hold: {name}")
     if (key["pilot"], key["vision"]) != (cell.pilot, cell.vision):

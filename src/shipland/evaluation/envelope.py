@@ -213,15 +213,14 @@ def figures(scenario: Scenario, landings: Sequence[Landing], rate: float) -> dic
     for name in ("sink_mps", "slide_mps", "tilt_deg"):
         values = [getattr(it, name) for it in touched]
         row |= {name: _quantile(values, 0.5), f"{name}_90": _quantile(values, 0.9)}
+    causes = Counter(it.cause for it in landings if it.cause)
     turns = [(abs(it.deck_roll_deg), abs(it.deck_pitch_deg)) for it in touched]
     return row | {
         "limit_use_90": _quantile([limit_use(it, limits) for it in touched], 0.9),
         "deck_roll_deg": max((roll for roll, _ in turns), default=None),
         "deck_pitch_deg": max((pitch for _, pitch in turns), default=None),
         "beyond_natops": sum(roll > NATOPS_ROLL_DEG or pitch > NATOPS_PITCH_DEG for roll, pitch in turns),
-        "causes": ", ".join(
-            f"{n} {cause}" for cause, n in Counter(it.cause for it in landings if it.cause).most_common()
-        ),
+        "causes": ", ".join(f"{n} {cause}" for cause, n in causes.most_common()),
     }
 
 
@@ -234,8 +233,5 @@ def deck_statistics(scenario: Scenario) -> dict[str, float]:
     motion = build_ship(scenario.ship, scenario.rig, generators_of(1).ship).deck_motion
     states = [motion.at(float(t_s)) for t_s in np.arange(0.0, _STATISTICS_S, _STEP_S)]
     roll, pitch = (2.0 * math.degrees(np.std([it.displacement[axis] for it in states])) for axis in (3, 4))
-    return {
-        "roll_deg": roll,
-        "pitch_deg": pitch,
-        "vertical_mps": 2.0 * float(np.std([it.velocity[2] for it in states])),
-    }
+    vertical_mps = 2.0 * float(np.std([it.velocity[2] for it in states]))
+    return {"roll_deg": roll, "pitch_deg": pitch, "vertical_mps": vertical_mps}

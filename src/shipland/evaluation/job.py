@@ -17,12 +17,9 @@ from shipland.stopping import check_stop
 
 @dataclass(frozen=True)
 class FlightJob:
-    """One flight to be flown.
+    """One flight to be flown; pilot and vision as `factories.resolve` takes them.
 
     Attributes:
-        scenario: what is flown.
-        pilot, vision: as `factories.resolve` takes them.
-        seed: of the flight.
         log: where its log is kept, if anywhere.
         only_failed: keep it only where it is no landing in the square.
         cell: which table it belongs to, where there are several.

@@ -202,13 +202,7 @@ def _pairing(found: Pairing) -> str:
 
 
 def oracle_rates_of(cells: Sequence[CellResult], motions: int, cache: Path | None = None) -> dict[str, OracleRate]:
-    """The oracle rate of each group; drawn once for each motion, and kept in a file.
-
-    Args:
-        cells: what was flown.
-        motions: how many are drawn for each.
-        cache: JSON file; made when missing. None: nothing is kept.
-    """
+    """The oracle rate of each group over so many motions; drawn once, and kept in a JSON file where one is named."""
     kept = {}
     if cache is not None:
         with suppress(DataError, ValueError):

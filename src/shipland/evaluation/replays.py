@@ -38,11 +38,9 @@ POSE_M, STICK_PERCENT = 0.05, 5.0
 
 @dataclass(frozen=True)
 class Pair:
-    """One cycle as it was recorded and as it went again.
+    """One cycle as it was recorded, None of a video, and as it went again.
 
     Attributes:
-        before: recorded; None of a video.
-        after: replayed.
         pose_m: distance of the two poses; infinite where one of the two has none, NaN where neither.
         stick_percent: largest difference of a stick; NaN of a video.
     """
@@ -66,18 +64,17 @@ def differences(pairs: Sequence[Pair]) -> Iterator[str]:
     if both_m:
         far = [pair for pair in pairs if math.isfinite(pair.pose_m) and pair.pose_m > POSE_M]
         middle = f"poses differ by {np.median(both_m):.4f} m in the median, {max(both_m):.4f} m at most"
-        yield f"{middle}; {_first(far, 'm')}"
+        yield f"{middle}; {_first(far, f'{POSE_M:g} m')}"
     sticks = [pair.stick_percent for pair in pairs if math.isfinite(pair.stick_percent)]
     far = [pair for pair in pairs if pair.stick_percent > STICK_PERCENT]
     middle = f"sticks differ by {np.median(sticks):.2f} % in the median, {max(sticks):.2f} % at most"
-    yield f"{middle}; {_first(far, '%')}"
+    yield f"{middle}; {_first(far, f'{STICK_PERCENT:g} %')}"
     modes = [it for it in pairs if it.before and it.before.decision.mode is not it.after.decision.mode]
     first = f", first at {modes[0].after.telemetry.t_s:.2f} s" if modes else ""
     yield f"modes differ in {len(modes)} cycles{first}"
 
 
-def _first(far: Sequence[Pair], unit: str) -> str:
-    limit = f"{POSE_M:g} m" if unit == "m" else f"{STICK_PERCENT:g} %"
+def _first(far: Sequence[Pair], limit: str) -> str:
     first = f", first at {far[0].after.telemetry.t_s:.2f} s" if far else ""
     return f"more than {limit} in {len(far)} cycles{first}"
 
@@ -105,13 +102,7 @@ class Recording:
 
 
 def recorded_flight(path: Path, pilot: str = "", vision: str = "", changes: Sequence[str] = ()) -> Recording:
-    """A flight log.
-
-    Args:
-        path: of the log.
-        pilot: who flies; empty: who flew, if that is no `module:factory`.
-        vision: who sees; empty: who saw, likewise.
-        changes: texts `section.key=value` laid over the scenario that flew.
+    """A flight log, under changes `section.key=value`; without a pilot or vision, with those that flew.
 
     Raises:
         DataError: the log cannot be read.
@@ -140,12 +131,9 @@ def flown_setup(
 def _setup(
     path: Path, flown: tuple[Mapping[str, Any], str, str, str], asked: tuple[str, str, Sequence[str]]
 ) -> tuple[Scenario, str, str]:
-    """Scenario, pilot and vision of what stands in a file.
+    """Scenario, pilot and vision of what stands in a file: configuration, pilot, vision and version, as written.
 
-    Args:
-        path: for messages.
-        flown: configuration, pilot, vision and version, as written.
-        asked: pilot and vision in their place, or empty; changes of the configuration.
+    Asked are pilot and vision in their place, or empty, and changes of the configuration.
     """
     table, flew, saw, version = flown
     pilot, vision, changes = asked
@@ -209,15 +197,9 @@ def flown_in_cell(
 def recorded_film(
     path: Path, scenario: Scenario, pilot: str, vision: str, pitch_deg: float, camera: Camera | None = None
 ) -> Recording:
-    """A video.
+    """A video, whose camera is pitched against the horizon and is the scenario's unless another is given.
 
-    Args:
-        path: of the video.
-        scenario: what it shows.
-        pilot: who flies.
-        vision: who sees.
-        pitch_deg: of its camera against the horizon.
-        camera: that camera; None: the scenario's. Scaled to pictures of another size and the same aspect.
+    The camera is scaled to pictures of another size and the same aspect.
 
     Raises:
         DataError: it is no video, or of another aspect.
@@ -260,20 +242,18 @@ def _again(recording: Recording, autonomy: Autonomy) -> Iterator[FlightRecord]:
     The same vision and pilot so see and decide the very same, however long they take today.
     """
     records, vehicle = recording.records, recording.vehicle
-    before: dict[float, PilotCommand | None] = {}
-    for earlier, record in zip((None, *records[:-1]), records, strict=True):
-        before[record.frame.t_s] = None if earlier is None else earlier.decision.command
-    rows = {record.frame.t_s: record for record in records}
+    commands: list[PilotCommand | None] = [None, *(record.decision.command for record in records[:-1])]
+    rows = {record.frame.t_s: (record, sent) for record, sent in zip(records, commands, strict=True)}
     last: Observation | None = None
     vehicle.open()
     try:
         while (pair := vehicle.read()) is not None:
             frame = pair[0]
-            row = rows[frame.t_s]
+            row, sent = rows[frame.t_s]
             seen = see_or_degrade(autonomy.vision, frame)
             observation = InputGate().observation(without_repeated(seen, last), frame, vehicle.camera)
             last = seen
-            decision = decide_or_degrade(autonomy, observation, row.telemetry, before[frame.t_s])
+            decision = decide_or_degrade(autonomy, observation, row.telemetry, sent)
             decision = autonomy.safety.check(decision, observation, row.telemetry)
             yield FlightRecord(frame, row.telemetry, observation, decision, row.truth)
     finally:

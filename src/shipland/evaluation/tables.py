@@ -32,10 +32,8 @@ def landings_table(landings: Sequence[Landing], area: str) -> str:
         "|---:|---:|---:|---:|---:|---:|---|---:|---:|---:|---:|---:|---|",
     ]
     for it in sorted(landings, key=lambda landing: landing.seed):
-        own_m, deck_m = (
-            np.hypot(it.control_forward_m, it.control_starboard_m),
-            np.hypot(it.deck_forward_m, it.deck_starboard_m),
-        )
+        own_m = np.hypot(it.control_forward_m, it.control_starboard_m)
+        deck_m = np.hypot(it.deck_forward_m, it.deck_starboard_m)
         oracle = {True: "yes", False: "no", None: ""}[it.oracle_in_square]
         places = f"{it.error_m:.3f} | {it.forward_m:.3f} | {it.starboard_m:.3f} | {own_m:.3f} | {deck_m:.3f}"
         rest = f"{it.sink_mps:.3f} | {it.slide_mps:.3f} | {it.slip_m:.3f} | {it.tilt_deg:.1f} | {it.time_s:.1f}"

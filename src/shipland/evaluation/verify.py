@@ -25,14 +25,7 @@ from shipland.version import code_version
 
 @dataclass(frozen=True)
 class Verified:
-    """What was flown again, all of it equal.
-
-    Attributes:
-        flights: rows of the bundle.
-        again: of them that were flown again.
-        bundle: SHA-256 of the zip.
-        version: of the code here.
-    """
+    """How many of a bundle's flights were flown again, all equal, the zip's SHA-256, and this code's version."""
 
     flights: int
     again: int
