@@ -65,10 +65,7 @@ class PageFlights:
 
     def data_and_script(self) -> str:
         """What the script reads, and the script."""
-        cells = [
-            {"name": cell.name, "pilot": cell.pilot, "version": cell.version, "again": _again(cell)}
-            for cell in self._cells
-        ]
+        told = [{"name": it.name, "pilot": it.pilot, "version": it.version, "again": _again(it)} for it in self._cells]
         index, rows = {id(cell): at for at, cell in enumerate(self._cells)}, []
         for at, (cell, landing) in enumerate(self.flights):
             figures = [landing.error_m, landing.sink_mps, landing.tilt_deg, landing.time_s]
@@ -77,7 +74,7 @@ class PageFlights:
                 *(round(value, 3) if math.isfinite(value) else None for value in figures),
                 "" if landing.success else landing.reason, self._files(at),
             ])  # fmt: skip
-        data = json.dumps({"cells": cells, "outcomes": self._outcomes, "flights": rows}, separators=(",", ":"))
+        data = json.dumps({"cells": told, "outcomes": self._outcomes, "flights": rows}, separators=(",", ":"))
         quiet, script = data.replace("<", "\\u003c"), page_file("page.js")  # what ends a script must not stand in it
         return (
             '<div id="tip"></div><div id="flight"></div>'
@@ -201,19 +198,12 @@ def _cell_charts(
         keys = swept_keys([members[0] for members in groups.values()])
         unit = ", ".join(key.split(".")[-1] for key in keys)
         for at in range(0, len(items), 6):
-            yield share_chart(
-                [
-                    Column(
-                        _label(members[0], keys),
-                        [_share(it.landings, pilots.index(it.pilot), f"{group}, {it.pilot}") for it in members],
-                        oracle_rates[group].share if group in oracle_rates else None,
-                    )
-                    for group, members in items[at : at + 6]
-                ],
-                name,
-                unit,
-                joined=False,
-            )
+            columns = []
+            for group, members in items[at : at + 6]:
+                shares = [_share(it.landings, pilots.index(it.pilot), f"{group}, {it.pilot}") for it in members]
+                oracle_rate = oracle_rates[group].share if group in oracle_rates else None
+                columns.append(Column(_label(members[0], keys), shares, oracle_rate))
+            yield share_chart(columns, name, unit, joined=False)
 
 
 def _label(cell: CellResult, keys: Sequence[str]) -> str:
@@ -319,9 +309,8 @@ def _failures(page: PageFlights, area: str) -> str:
         texts = [cell.name, str(it.seed), it.cause, it.reason, it.conditions.faults]
         words = "".join(f"<td>{html.escape(text)}</td>" for text in texts)
         rows.append(f'<tr data-outcome="{page.outcome(it)}">{words}<td>{page.again(at)}</td></tr>')
-    head = "".join(
-        f"<th>{name}</th>" for name in ("cell", "seed", "cause", "in words", "what was made to fail", "again")
-    )
+    names = ("cell", "seed", "cause", "in words", "what was made to fail", "again")
+    head = "".join(f"<th>{name}</th>" for name in names)
     more = f"<p>{len(failed) - _MOST_LISTED} more in flights.csv.</p>" if len(failed) > _MOST_LISTED else ""
     return (
         f"<details><summary>{len(failed)} flights that did not land in the {area}</summary>"

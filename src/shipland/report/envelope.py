@@ -149,12 +149,9 @@ def cells_table(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class Panel:
-    """One polar diagram.
+    """One polar diagram: its borders as of `Envelope`.
 
-    Attributes:
-        title: what was flown.
-        rows: cells, with at least `off_bow_deg`, `wind_kn`, `success`, `rating`, `refused`, `flights`.
-        borders: as of `Envelope`.
+    Its rows are cells, with at least `off_bow_deg`, `wind_kn`, `success`, `rating`, `refused`, `flights`.
     """
 
     title: str
@@ -169,16 +166,12 @@ def draw_envelopes(panels: Sequence[Panel], rate: float) -> Figure:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    across = min(2, len(panels))
+    across, down = min(2, len(panels)), math.ceil(len(panels) / min(2, len(panels)))
     with mpl.rc_context({**PLOT_STYLE, "hatch.linewidth": 0.5, "axes.grid": False}):
-        figure = new_figure(7.6 * across, 8.2 * math.ceil(len(panels) / across) + 1.4)
+        figure = new_figure(7.6 * across, 8.2 * down + 1.4)
         scale = mpl.cm.ScalarMappable(BoundaryNorm(_SHARES, 256), "cividis")
-        drawn = [
-            _draw_polar(
-                figure.add_subplot(math.ceil(len(panels) / across), across, at, projection="polar"), each, scale
-            )
-            for at, each in enumerate(panels, 1)
-        ]
+        places = [figure.add_subplot(down, across, at, projection="polar") for at in range(1, len(panels) + 1)]
+        drawn = [_draw_polar(axes, each, scale) for axes, each in zip(places, panels, strict=True)]
         entries = [
             Line2D([], [], color=unit(VERMILION), lw=2.2, label=f"{100 * rate:g} % land; dotted: at the grid's edge"),
             Patch(fc="none", ec="black", hatch="////", label="one in ten or more never touched the deck"),

@@ -49,12 +49,9 @@ class Touchdowns:
     landed: npt.NDArray[np.bool_]
 
     def __post_init__(self) -> None:
-        n = len(self.t_s)
-        if np.shape(self.place_in_deck_m) != (n, 2) or np.shape(self.landed) != (n,):
-            raise ValueError(
-                f"Touchdowns wants shapes ({n}, 2) and ({n},) for {n} times, got {np.shape(self.place_in_deck_m)} "
-                f"and {np.shape(self.landed)}"
-            )
+        n, got = len(self.t_s), (np.shape(self.place_in_deck_m), np.shape(self.landed))
+        if got != ((n, 2), (n,)):
+            raise ValueError(f"Touchdowns wants shapes ({n}, 2) and ({n},) for {n} times, got {got[0]} and {got[1]}")
 
 
 @dataclass(frozen=True)
@@ -189,13 +186,9 @@ def write_campaign(folder: Path, cell: Cell, landings: Sequence[Landing]) -> Non
     Raises:
         DataError: one of them cannot be written.
     """
-    scenario = cell.scenario
-    tables = [
-        landings_table(landings, scenario.rig.landing_area),
-        causes_table(landings),
-        modes_table(landings),
-        rules_table(landings, scenario.rig),
-    ]
+    scenario, area = cell.scenario, cell.scenario.rig.landing_area
+    tables = [landings_table(landings, area), causes_table(landings), modes_table(landings)]
+    tables.append(rules_table(landings, scenario.rig))
     with writing(folder / "table.md"):
         (folder / "table.md").write_text("\n\n".join(filter(None, tables)) + "\n", encoding="utf-8")
     if not installed("plots"):

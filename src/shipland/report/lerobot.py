@@ -43,8 +43,6 @@ class _Flight:
     """One log's cycles, n of them.
 
     Attributes:
-        name, path: of the log.
-        task: in words.
         success: landed, and in the square.
         t_s: (n,) exposure times.
         state: (n,48) flat observations.
@@ -137,17 +135,9 @@ def _read(name: str, path: Path) -> _Flight:
     for cycle, image in pictures_of(path, t_s):
         pictured.append(cycle)
         shape = (image.shape[0] // 2 * 2, image.shape[1] // 2 * 2, 3)
-    return _Flight(
-        name=name,
-        path=path,
-        task=f"land on the ship: {log.header.info.scenario}",
-        success=log.verdict is not None and log.verdict.success,
-        t_s=t_s,
-        state=np.array(state, np.float32),
-        action=np.array(sticks, np.float32),
-        pictured=pictured,
-        shape=shape,
-    )
+    task, success = f"land on the ship: {log.header.info.scenario}", log.verdict is not None and log.verdict.success
+    flown = np.array(state, np.float32), np.array(sticks, np.float32)
+    return _Flight(name, path, task, success, t_s, *flown, pictured, shape)
 
 
 def _nearest(t_s: npt.NDArray[np.float64], fps: int) -> npt.NDArray[np.int64]:
@@ -240,9 +230,9 @@ def _write_tables(
     from pyarrow import parquet
 
     def array(values: npt.NDArray[Any]) -> Any:  # noqa: ANN401 - pyarrow's
-        return (
-            pa.array(values) if values.ndim == 1 else pa.FixedSizeListArray.from_arrays(values.ravel(), values.shape[1])
-        )
+        if values.ndim == 1:
+            return pa.array(values)
+        return pa.FixedSizeListArray.from_arrays(values.ravel(), values.shape[1])
 
     for folder in ("data/chunk-000", "meta/episodes/chunk-000"):
         (root / folder).mkdir(parents=True)

@@ -73,11 +73,8 @@ def _view(picture: Picture, look: Look, box: np.ndarray[tuple[int], np.dtype[np.
     place = np.array([[scale, 0.0, -scale * corner[0]], [0.0, scale, -scale * corner[1]]])
     view = cv2.warpAffine(picture, place, (_SIDE_PX, _SIDE_PX), flags=cv2.INTER_LINEAR, borderValue=(40, 40, 40))
     frames = [(target[1:5], _TARGET_BGR) for target in look.targets]
-    frames += [
-        (found, _FALSE_BGR if verdict == -1 else _HIT_BGR)
-        for found, verdict in zip(look.boxes, look.verdict, strict=True)
-    ]
-    for frame, colour in frames:
+    colours = [_FALSE_BGR if verdict == -1 else _HIT_BGR for verdict in look.verdict]
+    for frame, colour in [*frames, *zip(look.boxes, colours, strict=True)]:
         low, high = (scale * (frame[:2] + sign * 0.5 * frame[2:] - corner) for sign in (-1.0, 1.0))
         points = [(int(x), int(y)) for x, y in (np.clip(np.round(low), -9, 999), np.clip(np.round(high), -9, 999))]
         cv2.rectangle(view, points[0], points[1], colour, 1, cv2.LINE_AA)

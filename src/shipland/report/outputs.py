@@ -69,18 +69,11 @@ class Recorder(AbstractContextManager["Recorder"]):
         video: bool = True,
         aside: bool = False,
     ) -> None:
-        """Open the files in `folder`, writing over those of an earlier flight.
+        """Open the files in `folder`, made when it does not exist, writing over those of an earlier flight.
 
-        Args:
-            folder: made when it does not exist.
-            info: which flight.
-            rig: dimensions.
-            camera: of the onboard pictures.
-            parameters: rates and qualities.
-            chase: renders the outside view of a moment (`chase.chase_view`); None for the onboard view alone.
-            video: whether to write the video.
-            aside: the flight does not wait for a slow disk or encoder: a thread writes, and where it falls far behind
-                pictures are left out, then rows, which `problems` says.
+        `chase` renders the outside view of a moment (`chase.chase_view`); without it the onboard view stands alone.
+        With `aside` the flight does not wait for a slow disk or encoder: a thread writes, and where it falls far behind
+        pictures are left out, then rows, which `problems` says.
 
         Raises:
             DataError: the folder or the log cannot be written.
@@ -99,8 +92,8 @@ class Recorder(AbstractContextManager["Recorder"]):
             raise DataError(f"output folder {folder} cannot be written: {error.strerror}") from None
         self._outputs: dict[str, LogWriter | FlightVideo] = {"log": self._log}
         self._attempt("layout", partial(write_layout, folder / LAYOUT_NAME))
-        timed_chase = None if chase is None else self._timed_chase(chase)
         if video:
+            timed_chase = None if chase is None else self._timed_chase(chase)
             self._outputs["video"] = FlightVideo(folder / VIDEO_NAME, rig, camera, parameters.video, timed_chase)
         self._aside = Aside(self._write, _MOST_ROWS, "recorder") if aside else None
 
@@ -152,16 +145,13 @@ class Recorder(AbstractContextManager["Recorder"]):
         try:
             act()
         except Exception as error:
-            self._note(name, _words(error))
+            self._log_failed |= name == "log"
+            self.problems.append(f"{name} given up: {_words(error)}")
             output = self._outputs.pop(name, None)
             if output is not None:
                 with suppress(Exception):  # what stopped it is noted
                     output.close()
         self._cost_s[name] = self._cost_s.get(name, 0.0) + time.perf_counter() - started_s
-
-    def _note(self, name: str, why: str) -> None:
-        self._log_failed |= name == "log"
-        self.problems.append(f"{name} given up: {why}")
 
     def _timed_chase(self, chase: Chase) -> Chase:
         def timed(truth: GroundTruth) -> Image:

@@ -138,10 +138,7 @@ def _laid(size_mm: tuple[float, float], page_mm: tuple[float, float]) -> Sheets:
 
 
 def print_sheets(path: Path, drawing: Drawing, paper: str, title: str) -> Sheets:
-    """Write the PDF, with a title at the foot of each sheet.
-
-    Returns:
-        How it lies on the paper.
+    """Write the PDF, with a title at the foot of each sheet; how it lies on the paper.
 
     Raises:
         ConfigError: there is no such paper.

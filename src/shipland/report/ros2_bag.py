@@ -45,10 +45,7 @@ class _Bag:
 
 
 def write_bag(log_path: Path, folder: Path, namespace: str = "drone") -> dict[str, int]:
-    """Write a flight log as a bag (rosbag2, version 8, storage MCAP), which `ros2 bag` and rosbags open.
-
-    Returns:
-        Messages of each topic.
+    """Write a flight log as a bag (rosbag2, version 8, storage MCAP) for `ros2 bag`; how many messages of each topic.
 
     Raises:
         DataError: the log cannot be read.

@@ -38,13 +38,7 @@ class Share:
 
 @dataclass(frozen=True)
 class Column:
-    """What stands at one place of the horizontal axis.
-
-    Attributes:
-        label: under it.
-        shares: a mark each, side by side.
-        oracle_rate: 0…1, drawn as a line across; None where there is none.
-    """
+    """What stands at one place of the horizontal axis, shares side by side; the oracle rate, 0…1, is drawn across."""
 
     label: str
     shares: Sequence[Share]
@@ -119,15 +113,11 @@ def point_chart(
     outlines: Sequence[tuple[str, float]],
     low: float = -1.0,
 ) -> str:
-    """Points in a plane about zero.
+    """Points in a plane about zero, drawn in order.
 
-    Args:
-        points: drawn in order.
-        title: what is shown.
-        axes: names with units, horizontal and vertical (up).
-        half: the axes reach so far either side; points beyond are drawn at the edge.
-        outlines: (`square`, side) and (`circle`, diameter) about zero.
-        low: where the vertical axis begins, in shares of its half: -1 or 0.
+    The axes have names with units, horizontal and vertical (up), and reach `half` of each either side, the vertical one
+    from `low` of its half on, -1 or 0; points beyond are drawn at the edge. Outlines are (`square`, side) and
+    (`circle`, diameter) about zero.
     """
     size, left, top, foot = 300, 50, 30, 40
     width, height = left + size + 12, top + size + foot
@@ -160,9 +150,8 @@ def point_chart(
                 else:
                     marks.append(f"M{a - 3:.1f} {b - 3:.1f}l6 6m0 -6l-6 6")
         if marks:
-            stroke = (
-                'stroke-width="6" stroke-linecap="round" stroke-opacity="0.55"' if kind.good else 'stroke-width="2"'
-            )
+            dots = 'stroke-width="6" stroke-linecap="round" stroke-opacity="0.55"'
+            stroke = dots if kind.good else 'stroke-width="2"'
             asked = f' data-series="{kind.series}"' if kind.flights else ""
             parts.append(f'<path fill="none" stroke="{colour}" {stroke}{asked} d="{"".join(marks)}"/>')
     parts.append("</g>")

@@ -8,7 +8,7 @@ from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -92,18 +92,14 @@ def between(before: GroundTruth, after: GroundTruth, t_s: float) -> GroundTruth:
         rotation = first.rotation @ Rotation.from_rotvec(share * turn).as_matrix()
         return Pose(rotation, first.translation_m + share * (last.translation_m - first.translation_m))
 
-    return GroundTruth(
-        t_s=before.t_s + share * span_s,
-        ned_from_body=pose(before.ned_from_body, after.ned_from_body),
-        velocity_in_ned_mps=before.velocity_in_ned_mps
-        + share * (after.velocity_in_ned_mps - before.velocity_in_ned_mps),
-        ned_from_ship=pose(before.ned_from_ship, after.ned_from_ship),
-        ned_from_deck=pose(before.ned_from_deck, after.ned_from_deck),
-        ned_from_bar=pose(before.ned_from_bar, after.ned_from_bar),
-        ned_from_camera=pose(before.ned_from_camera, after.ned_from_camera),
-        wind_in_ned_mps=before.wind_in_ned_mps + share * (after.wind_in_ned_mps - before.wind_in_ned_mps),
-        waves_off=before.waves_off,
-    )
+    moved: dict[str, Any] = {"t_s": before.t_s + share * span_s}
+    for name, first in vars(before).items():
+        last = getattr(after, name)
+        if isinstance(first, Pose):
+            moved[name] = pose(first, last)
+        elif isinstance(first, np.ndarray):
+            moved[name] = first + share * (last - first)
+    return replace(before, **moved)
 
 
 CHASE_WIDTH_PX = TRACES_WIDTH_PX
@@ -149,11 +145,8 @@ class VideoWriter:
         """
         with writing(path, "video"):
             path.touch()
-        self._encoder: _H264 | _Mpeg4 = (
-            _H264(path, width_px, height_px, parameters, key_frames)
-            if _has_x264()
-            else _Mpeg4(path, width_px, height_px, parameters)
-        )
+        encoder = _H264 if _has_x264() else _Mpeg4
+        self._encoder: _H264 | _Mpeg4 = encoder(path, width_px, height_px, parameters, key_frames)
         self._shape = (height_px, width_px, 3)
 
     def write(self, image: Image, t_s: float) -> None:
@@ -184,18 +177,10 @@ class _H264:
         try:
             options = {"movflags": "+faststart", "fflags": "+bitexact"}
             self._container: av.container.OutputContainer = av.open(str(path), "w", format="mp4", options=options)
-            self._stream = self._container.add_stream(
-                "libx264",
-                rate=Fraction(round(parameters.rate_hz * 1000), 1000),
-                options={
-                    "profile": "high",
-                    "preset": parameters.preset,
-                    "tune": parameters.tune,
-                    "crf": str(parameters.crf),
-                    "g": str(key_frames),
-                    "threads": "1",
-                },
-            )
+            x264 = {"profile": "high", "preset": parameters.preset, "tune": parameters.tune}
+            x264 |= {"crf": str(parameters.crf), "g": str(key_frames), "threads": "1"}
+            rate = Fraction(round(parameters.rate_hz * 1000), 1000)
+            self._stream = self._container.add_stream("libx264", rate=rate, options=x264)
         except (OSError, av.FFmpegError) as error:
             raise DataError(f"video {path} cannot be written: {error}") from None
         self._stream.width, self._stream.height, self._stream.pix_fmt = width_px, height_px, "yuv420p"
@@ -226,7 +211,7 @@ class _H264:
 class _Mpeg4:
     """By OpenCV, at a steady rate: three times as large as H.264, and players show it, browsers do not."""
 
-    def __init__(self, path: Path, width_px: int, height_px: int, parameters: VideoParameters) -> None:
+    def __init__(self, path: Path, width_px: int, height_px: int, parameters: VideoParameters, _: int) -> None:
         codec = cv2.VideoWriter.fourcc(*"mp4v")
         self._writer = cv2.VideoWriter(str(path), codec, parameters.rate_hz, (width_px, height_px))
         if not self._writer.isOpened():

@@ -43,14 +43,9 @@ class FlightViews:
         self._trail_m.append((truth.ned_from_ship.inverse() @ truth.ned_from_body).translation_m)
 
     def picture(self, words: str = "", whole: bool = False) -> Image:
-        """Of the moment taken last, (480,640,3) uint8 RGB.
+        """Of the moment taken last, (480,640,3) uint8 RGB, with a line of words above; ValueError before the first.
 
-        Args:
-            words: a line above the picture.
-            whole: the whole trail is in it; else the picture comes nearer as the aircraft does.
-
-        Raises:
-            ValueError: no moment was taken.
+        It holds the whole trail, or comes nearer as the aircraft does.
         """
         if self._truth is None:
             raise ValueError("a picture of a flight wants a moment of it")
