@@ -46,9 +46,7 @@ class Bundle:
     """An opened bundle, checked.
 
     Attributes:
-        path: of the zip.
-        about: bundle.json.
-        folder: where it is unpacked.
+        path, about, folder: the zip, its bundle.json, and where it is unpacked.
         cells: as `read_cells` gives them.
         keys: campaign.json of each cell.
         notes: what could not be checked, in words.
@@ -82,10 +80,8 @@ class Bundle:
 def write_bundle(folder: Path, out: Path, title: str, logs: int, salt: Path | None) -> Mapping[str, Any]:
     """Pack a campaign's folder into the zip `out`, with so many logs of each cell; bundle.json is returned.
 
-    The seeds were derived from the salt; without one they are 1, 2, 3 …
-
-    Raises:
-        DataError: the folder holds no whole campaign of one code.
+    The seeds were derived from the salt; without one they are 1, 2, 3 … DataError where there is no whole campaign of
+    one code.
     """
     cells = read_cells([folder])
     for cell in cells:
@@ -138,11 +134,7 @@ def _summary(cells: Sequence[CellResult]) -> dict[str, dict[str, int]]:
 
 @contextmanager
 def opened(path: Path, salt: Path | None = None) -> Iterator[Bundle]:
-    """A bundle, unpacked for the time being and found consistent in itself.
-
-    Raises:
-        DataError: what is wrong with it, and where.
-    """
+    """A bundle, unpacked for the time being and found consistent in itself; DataError says what is wrong, and where."""
     with tempfile.TemporaryDirectory() as temporary:
         try:
             bundle = _checked(path, Path(temporary), salt)

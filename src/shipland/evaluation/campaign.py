@@ -143,11 +143,8 @@ class OpenCampaign:
 def open_campaign(plan: CampaignPlan) -> Iterator[OpenCampaign]:
     """The plan's rows: in its folder, made when missing, for this process alone, or in memory without one.
 
-    Ctrl-C and SIGTERM are requests within.
-
-    Raises:
-        DataError: it holds landings of other code, configuration or weights, another process flies in it, or it cannot
-            be written.
+    Ctrl-C and SIGTERM are requests within. DataError where it holds landings of other code, configuration or weights,
+    another process flies in it, or it cannot be written.
     """
     if plan.out is not None and (plan.out / "landings.csv").exists():
         raise DataError(f"{plan.out} holds one table of landings, not a campaign's cells; give another folder")
@@ -264,9 +261,8 @@ def _in_order(done: Mapping[int, Landing]) -> tuple[Landing, ...]:
 def read_cells(folders: Sequence[Path]) -> list[CellResult]:
     """The cells of one folder, or of several merged: a seed that two of them hold counts once.
 
-    Raises:
-        DataError: a folder holds no campaign or a broken one, or the same cell was flown with other code, configuration
-            or weights in two of them.
+    DataError where a folder holds no campaign or a broken one, or two flew a cell with other code, configuration or
+    weights.
     """
     found: dict[str, CellResult] = {}
     keys: dict[str, dict[str, Any]] = {}

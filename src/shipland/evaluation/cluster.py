@@ -26,9 +26,7 @@ _WAITING_A_CORE = 2
 def cluster(address: str) -> Executor:
     """Flights on the Ray cluster at `address`, or the one that is found (`auto`); every machine wants this very code.
 
-    Raises:
-        ConfigError: Ray is not installed, or there is no such cluster.
-        DataError: a machine has other code.
+    ConfigError where Ray or such a cluster is missing, DataError where a machine has other code.
     """
     require("cluster", "--cluster", ConfigError)
     import ray

@@ -83,8 +83,6 @@ class Envelope:
     Attributes:
         name: scenario, settings and pilot in a word.
         scenario: what was flown, but for the wind.
-        pilot: who flew.
-        ship_mps: the ship's speed.
         rate: share of flights that must land.
         rows: a row a cell: `wind_kn`, `off_bow_deg`, `true_wind_mps`, `true_wind_off_bow_deg`, and of `figures`.
         borders: of each direction [deg] the speed [kn], and `less than` or `more than`.

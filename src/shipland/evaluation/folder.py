@@ -57,9 +57,7 @@ def source_digest() -> str:
 def campaign_key(scenario: Scenario, pilot: str | Factory, vision: str | Factory) -> dict[str, Any]:
     """What landings of one table must have in common, with further facts for the reader.
 
-    Raises:
-        DataError: weights are missing.
-        ConfigError: pilot or vision stand in no file.
+    DataError where weights are missing, ConfigError where pilot or vision stand in no file.
     """
     table, detector, weights = scenario.table(), scenario.detector, {}
     names = [factories.name_of(each) for each in (pilot, vision)]
@@ -144,8 +142,7 @@ class CampaignFolder:
 def folder_in(out: Path, key: dict[str, Any]) -> CampaignFolder:
     """A campaign's folder, made when missing, within one that is `claimed`.
 
-    Raises:
-        DataError: it holds landings of another key or a broken table, or it cannot be written.
+    DataError where it holds landings of another key or a broken table, or cannot be written.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)

@@ -148,8 +148,7 @@ def pilot_pairings(cells: Sequence[CellResult]) -> Pairings:
 def campaign_pairings(first: Sequence[CellResult], second: Sequence[CellResult]) -> Pairings:
     """The same cells of two campaigns, seed by seed; of two with one pilot each, whoever that is.
 
-    Raises:
-        ConfigError: they have none in common.
+    ConfigError where they have none in common.
     """
     one_pilot_each = all(len({cell.pilot for cell in cells}) == 1 for cells in (first, second))
     ours, theirs = ({cell.group if one_pilot_each else cell.name: cell for cell in cells} for cells in (first, second))

@@ -81,12 +81,9 @@ def _first(far: Sequence[Pair], limit: str) -> str:
 
 @dataclass(frozen=True)
 class Recording:
-    """What is replayed, by whom.
+    """What is replayed: frames and setup, and who flies and sees, as `factories.resolve` takes them.
 
     Attributes:
-        vehicle: gives the frames again.
-        scenario: rig, camera, guidance, safety.
-        pilot, vision: names, as `factories.resolve` takes them.
         seed: of visions and pilots that draw numbers.
         records: as flown; empty of a video.
         complete: the log was closed in order.
@@ -104,10 +101,8 @@ class Recording:
 def recorded_flight(path: Path, pilot: str = "", vision: str = "", changes: Sequence[str] = ()) -> Recording:
     """A flight log, under changes `section.key=value`; without a pilot or vision, with those that flew.
 
-    Raises:
-        DataError: the log cannot be read.
-        ConfigError: it was flown with a configuration that is none today, a change is wrong, or it names a module of
-            the user's, which a log does not get to run.
+    DataError where the log cannot be read; ConfigError where its configuration is none today, a change is wrong, or it
+    names a module of the user's, which a log does not get to run.
     """
     log = read_log(path)
     scenario, pilot, vision = flown_setup(log, path, pilot, vision, changes)
@@ -118,11 +113,7 @@ def recorded_flight(path: Path, pilot: str = "", vision: str = "", changes: Sequ
 def flown_setup(
     log: FlightLog, path: Path, pilot: str = "", vision: str = "", changes: Sequence[str] = ()
 ) -> tuple[Scenario, str, str]:
-    """What a log was flown with: its scenario, with changes, its pilot and its vision, unless others are named.
-
-    Raises:
-        ConfigError: see `recorded_flight`.
-    """
+    """Scenario under changes, pilot and vision of a log, unless others are named; errors as of `recorded_flight`."""
     info = log.header.info
     version = info.code_version or info.software_version
     return _setup(path, (info.table(), info.pilot, info.vision, version), (pilot, vision, changes))
@@ -154,10 +145,9 @@ def _setup(
 
 @dataclass(frozen=True)
 class PastFlight:
-    """A flight of the simulator that can be flown again.
+    """A flight of the simulator that can be flown again, changes laid over what it was flown with.
 
     Attributes:
-        scenario, pilot, vision, seed: what it was flown with, changes laid over.
         version: of the code that flew it.
         out: where to, unless another folder is asked for.
         log: of that flight; None where it was not kept.
@@ -179,9 +169,7 @@ def flown_in_cell(
 ) -> PastFlight:
     """A flight of a campaign's cell.
 
-    Raises:
-        DataError: the folder holds no campaign.
-        ConfigError: that seed was not flown; see `recorded_flight`.
+    DataError where the folder holds no campaign; ConfigError where that seed was not flown, or as of `recorded_flight`.
     """
     results = {landing.seed: landing.reason for landing in read_campaign(folder)}
     if seed not in results:
@@ -199,10 +187,7 @@ def recorded_film(
 ) -> Recording:
     """A video, whose camera is pitched against the horizon and is the scenario's unless another is given.
 
-    The camera is scaled to pictures of another size and the same aspect.
-
-    Raises:
-        DataError: it is no video, or of another aspect.
+    The camera is scaled to pictures of another size; DataError where it is no video, or of another aspect.
     """
     camera = Camera.from_parameters(scenario.camera) if camera is None else camera
     with closing(read_video(path)) as pictures:
@@ -215,9 +200,7 @@ def recorded_film(
 def replay(recording: Recording, on_cycle: Callable[[FlightRecord], object] = lambda _: None) -> list[Pair]:
     """Run vision and pilot over a recording, which is used up; `on_cycle` sees every replayed row.
 
-    Raises:
-        DataError: the vision wants pictures and there are none.
-        ConfigError: no such pilot or vision.
+    DataError where the vision wants pictures and there are none, ConfigError where pilot or vision is not known.
     """
     wants_pictures = needs_pictures(factories.resolve("visions", recording.vision))
     autonomy = build_autonomy(recording.scenario, recording.vehicle, recording.pilot, recording.vision, recording.seed)

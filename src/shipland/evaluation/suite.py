@@ -111,8 +111,7 @@ _ADDED: dict[str, tuple[tuple[str, Any], ...]] = {
 def sealed_seeds(salt: Path, first: int, count: int) -> list[int]:
     """Seeds that nobody knows without the salt: of each number from `first` on, 48 bits of its SHA-256 with the salt.
 
-    Raises:
-        ConfigError: the file cannot be read, or holds fewer than 16 bytes.
+    ConfigError where the file cannot be read, or holds fewer than 16 bytes.
     """
     secret = _secret(salt)
     digests = (hashlib.sha256(b"shipland seed %d " % index + secret) for index in range(first, first + count))
@@ -147,12 +146,10 @@ def task_digest(cells: Sequence[Cell]) -> str:
 
 @dataclass(frozen=True)
 class Overrides:
-    """What a command lays over the entries of a suite.
+    """What a command lays over the entries of a suite: who flies every cell, and a TOML file over every scenario.
 
     Attributes:
-        pilots: who flies every cell.
         changes: texts `section.key=value`, as in `SuiteEntry.set`.
-        config: TOML file laid over every scenario.
         only: shell patterns; cells whose group matches none are left out. Empty: all.
     """
 
@@ -165,8 +162,7 @@ class Overrides:
 def cells_of(entries: Sequence[SuiteEntry], asked: Overrides) -> list[Cell]:
     """The cells in order, pilots innermost.
 
-    Raises:
-        ConfigError: no such scenario, pilot or vision, a wrong setting, or nothing is left to fly.
+    ConfigError where scenario, pilot or vision is not known, a setting is wrong, or nothing is left to fly.
     """
     for pilot in asked.pilots:
         factories.resolve("pilots", pilot)
@@ -196,8 +192,7 @@ def _wanted(group: str, patterns: Sequence[str]) -> bool:
 def combinations(changes: Sequence[str]) -> list[tuple[tuple[str, str], ...]]:
     """Every combination of the values in `changes`, as (key, value) pairs, the last key varying fastest.
 
-    Raises:
-        ConfigError: a text is no setting.
+    ConfigError where a text is no setting.
     """
     options = [[(key, text_of(value)) for value in values] for key, values in map(setting, changes)]
     return list(itertools.product(*options))

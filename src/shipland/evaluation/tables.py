@@ -122,8 +122,7 @@ def quantile(values: Sequence[float], share: float, digits: int) -> str:
 def comparison(first: Sequence[Landing], second: Sequence[Landing], names: tuple[str, str]) -> str:
     """Two campaigns seed by seed, in words; the seeds that only one of them flew are left out.
 
-    Raises:
-        ConfigError: they have no seed in common.
+    ConfigError where they have none in common.
     """
     one, two = by_seed(first), by_seed(second)
     common = one.keys() & two.keys()

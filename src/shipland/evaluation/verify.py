@@ -64,8 +64,7 @@ def own_code(bundle: Bundle) -> Iterator[None]:
 def fly_again(bundle: Bundle, sample: int, rng: np.random.Generator, workers: int) -> Verified:
     """Fly a sample of the rows again, 0 for all of them; own code must be within reach (`own_code`).
 
-    Raises:
-        DataError: a row differs, a flight was lost, or own code or weights are not those that flew.
+    DataError where a row differs, a flight was lost, or own code or weights are not those that flew.
     """
     flights = bundle.flights
     count = min(sample, len(flights)) if sample else len(flights)

@@ -51,11 +51,7 @@ def write_tensors(path: Path, tensors: dict[str, Tensor], metadata: dict[str, st
 
 
 def read_tensors(path: Path, form: str, command: str) -> tuple[dict[str, Tensor], dict[str, str]]:
-    """What `write_tensors` wrote with `form` as its format.
-
-    Raises:
-        DataError: it is missing, truncated or not of this format, which `command` writes.
-    """
+    """What `write_tensors` wrote with `form` as its format, by `command`; DataError where there is no such file."""
     from safetensors import SafetensorError, safe_open
 
     try:
@@ -105,10 +101,7 @@ def optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
 
 
 def restore_optimizer(optimizer: torch.optim.Optimizer, tensors: dict[str, Tensor]) -> None:
-    """Put back what `optimizer_tensors` gave.
-
-    Moments get their parameter's layout in memory: the fused step walks all of them by address.
-    """
+    """Put back what `optimizer_tensors` gave, in the parameters' layout: the fused step walks all by address."""
     parameters = [parameter for group in optimizer.param_groups for parameter in group["params"]]
     table = optimizer.state_dict()
     rows: dict[int, dict[str, Tensor]] = {}

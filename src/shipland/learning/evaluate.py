@@ -73,14 +73,11 @@ class Evaluation:
 
     Attributes:
         detector: runtime, arithmetic and the weights' own note.
-        confidence: least confidence of a single frame's box.
-        pictures: looked at.
-        average_precision, recall, precision: over all single pictures, at `EvaluateParameters.match_iou`.
+        average_precision, recall, precision: over all single pictures, at `match_iou` and boxes from `confidence` on.
         average_precision_50, average_precision_50_95: at IoU 0.5, and the mean over IoU 0.5, 0.55 … 0.95.
         match_iou: overlap from which a box is a hit, in all figures that do not say another.
         tables: over range, by name (all, clear, haze, no decoys); empty where ranges are not known.
-        missed: pictures of a labelled set with a target that was not found.
-        looks: every picture of a labelled set.
+        missed, looks: of a labelled set, pictures with a target that was not found, and all of them.
     """
 
     detector: str
@@ -115,8 +112,7 @@ def evaluate(arguments: EvaluateArguments, drawn: ShipAndCamera | None = None) -
     """Measure; leaves `evaluation.json`, `table.md`, with ranges `recall.png`, and for fresh scenes `scenes.jsonl`.
 
     Raises:
-        DataError: the set or the weights cannot be used, or the folder holds another run.
-        ConfigError: a setting is wrong.
+        DataError, ConfigError: set or weights cannot be used, the folder holds another run, or a setting is wrong.
     """
     settings = detector_parameters(arguments.config)
     settings = replace(settings, runtime=arguments.runtime, precision=arguments.precision, threads=arguments.threads)

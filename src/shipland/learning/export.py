@@ -139,8 +139,7 @@ def write_onnx(
 def read_onnx(path: Path, layers: Sequence[Layer]) -> tuple[list[ConvWeights], DetectorSpec]:
     """The numbers of a file that `write_onnx` wrote, and its spec; normalisation stays folded into the kernels.
 
-    Raises:
-        DataError: damaged (`check_digest`), no ONNX file of this project, or a network of another shape.
+    DataError where it is damaged (`check_digest`), no ONNX file of this project, or a network of another shape.
     """
     check_digest(path)
     onnx = _onnx()
@@ -182,11 +181,7 @@ def write_int8(
     """Write the network with 8-bit weights and activations, whole or not at all, with its digest.
 
     `calibration` gives real pictures (h,w,3) BGR, sides multiples of 32, that the activations' ranges are taken from; a
-    few hundred, of the kind the detector will see.
-
-    Raises:
-        SystemLibraryError: onnx is not installed.
-        DataError: no calibration picture.
+    few hundred, of the kind the detector will see. DataError where there is none.
     """
     from onnxruntime import quantization
 

@@ -25,10 +25,8 @@ class Look:
     """One labelled picture as a detector sees it, boxes as (centre column, centre row, width, height) [px, edges].
 
     Attributes:
-        path: the picture.
         scene: what is known of how it was made; empty otherwise.
-        boxes: (n,4).
-        scores: (n,) their confidences.
+        boxes, scores: (n,4) and (n,) their confidences.
         targets: (k,5) class and box of what is there.
         verdict: for each box the index of its target, −1 for a false one.
     """

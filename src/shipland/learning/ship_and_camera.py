@@ -10,13 +10,7 @@ from shipland.rig import Rig
 
 @dataclass(frozen=True)
 class ShipAndCamera:
-    """A ship and the camera that sees it.
-
-    Attributes:
-        name: of the scenario that both come from; None for the packaged ones.
-        rig: the ship.
-        camera: of the vehicle.
-    """
+    """A ship, the camera that sees it, and the name of the scenario of both; None for the packaged ones."""
 
     name: str | None
     rig: Rig

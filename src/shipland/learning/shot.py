@@ -18,16 +18,11 @@ class Shot:
     """A situation that can be drawn at any time.
 
     Attributes:
-        number: of the picture.
-        kind: what is labelled: ship or bar.
-        empty: the target is not there.
+        number, kind: of the picture, and what is labelled in it, ship or bar; it is not there where it is `empty`.
         range_m: distance from the camera to the target's centre.
         aspect_deg: bearing of the camera from the ship against dead astern, to starboard positive.
-        visibility_m: of the scene's air.
-        position_in_ned_m, velocity_in_ned_mps: (3,) of the camera.
-        heading_rad, heading_rate_rad_s, pitch_rad, roll_rad: of the camera.
+        position_in_ned_m, velocity_in_ned_mps: (3,) of the camera, as its heading, pitch and roll.
         ship_position_in_ned_m, ship_velocity_in_ned_mps: (3,) of `ship`.
-        ship_heading_rad: its heading.
         deck_amplitude: (6,) surge, sway, heave [m], roll, pitch, yaw [rad] of the deck's motion.
         deck_phase_rad: (6,).
         t0_s: the sea's time in the first frame.

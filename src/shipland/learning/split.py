@@ -51,11 +51,7 @@ class Split:
 
 
 def split(dataset: Dataset, fraction: float, seed: int) -> Split:
-    """About `fraction` of the pictures held out, at least one, drawn by `seed`.
-
-    Raises:
-        DataError: fewer than two pictures, or a broken one.
-    """
+    """About `fraction` of the pictures held out, drawn by `seed`; DataError of fewer than two, or a broken one."""
     samples = dataset.samples
     if len(samples) < 2:
         raise DataError(f"{dataset.folder} holds {len(samples)} picture; splitting off a part needs two")

@@ -51,8 +51,7 @@ MOST_OF_MEMORY = 0.6
 def train(arguments: TrainArguments) -> Trained:
     """Train, evaluate, export; `detector.onnx` is the best so far from the first evaluation on.
 
-    Raises:
-        DataError, ConfigError: a data set, checkpoint or weights file is wrong, or a setting.
+    DataError or ConfigError where a data set, checkpoint, weights file or setting is wrong.
     """
     if arguments.weights is not None and not arguments.weights.is_file():
         arguments = replace(arguments, weights=weights_path(str(arguments.weights), "fp32"))

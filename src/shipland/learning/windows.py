@@ -40,13 +40,7 @@ def to_batch(pictures: Sequence[Picture], device: torch.device) -> Tensor:
 
 
 class Windows:
-    """Windows of a set whose pictures are read when they are wanted.
-
-    Args:
-        dataset: the set.
-        parameters: of training.
-        device: that the windows are cut on.
-    """
+    """Windows of a set whose pictures are read when they are wanted, cut on a device as the parameters say."""
 
     def __init__(self, dataset: Dataset, parameters: TrainParameters, device: torch.device) -> None:
         self.dataset, self.parameters, self.device = dataset, parameters, device

@@ -61,11 +61,7 @@ class Upsample:
 
 @dataclass(frozen=True)
 class Head:
-    """One detection scale: takes the layer before it as the raw map of `3·(4 + 1 + classes)` channels.
-
-    Attributes:
-        scale: index into STRIDES and anchors; 0 is the finest.
-    """
+    """One detection scale, 0 the finest: takes the layer before it as the raw map of `3·(4 + 1 + classes)` channels."""
 
     scale: int
 

@@ -22,8 +22,7 @@ from shipland.report.pages import html_of_table
 def entries_of(bundles: Sequence[Bundle]) -> list[CellResult]:
     """The cells of all bundles, each flown by `title` or, of a bundle with several pilots, `title: pilot`.
 
-    Raises:
-        DataError: they flew different suites, or two have one title.
+    DataError where they flew different suites, or two have one title.
     """
     suites = {str(bundle.about["suite"]) for bundle in bundles}
     if len(suites) > 1:

@@ -25,9 +25,8 @@ class Setting:
     """One key of a configuration.
 
     Attributes:
-        section: the sections around it, with dots between them; empty above all sections.
+        section, name: the sections around it with dots between them, empty above all, and its own name.
         about: what the docstring of the section's class says.
-        name: its own name.
         value: in plain TOML types; None where it is not set.
         bounds: in words; empty where there are none.
         meaning, source: as the field states them; no source where another value than the field's stands.
@@ -64,8 +63,7 @@ class Setting:
 def scenario_settings(source: str | Path, config: Path | None = None, changes: Iterable[str] = ()) -> list[Setting]:
     """Every key of a scenario's configuration under a file and texts `section.key=value`, a section's together.
 
-    Raises:
-        ConfigError: it names what is wrong.
+    ConfigError names what is wrong.
     """
     layers = scenario_layers(source, config, changes)
     table: dict[str, Any] = {}

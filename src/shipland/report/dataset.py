@@ -67,11 +67,8 @@ def write_dataset(
     """Write what there is: landings.csv of a campaign, logs.zip, croissant.json; a .parquet beside where pyarrow is.
 
     With `lerobot` the logs in LeRobot's layout too, in folder lerobot; with `pictures` those of the logs, with their
-    cameras' poses: pictures.csv, pictures.zip. Returns the names of files and folders.
-
-    Raises:
-        DataError: the folder holds no flights, or no logs, or no pictures, where these are asked for.
-        SystemLibraryError: an extra is missing.
+    cameras' poses: pictures.csv, pictures.zip. Returns the names of files and folders. DataError where there are no
+    flights, logs or pictures that are asked for; SystemLibraryError without an extra.
     """
     logs = {str(log.relative_to(folder).with_suffix("")): log for log in sorted(folder.rglob("*.mcap"))}
     flown = cells_file(folder).is_file()

@@ -53,8 +53,7 @@ def limits_of(scenario: Scenario) -> list[dict[str, Any]]:
 def write_envelopes(out: Path, envelopes: Sequence[Envelope], command: str, picture: bool) -> str:
     """Write envelope.json, envelope.md and, with `picture`, envelope.png; the text of envelope.md.
 
-    Raises:
-        DataError, OSError: they cannot be written.
+    DataError or OSError where they cannot be written.
     """
     table = {"note": NO_RELEASE, "command": command, "ratings": RATINGS, "envelopes": list(map(_table, envelopes))}
     write_atomically(out / "envelope.json", json_bytes(table))

@@ -183,8 +183,7 @@ def plot_instants(path: Path, trace: DeckTrace, touchdowns: Touchdowns, title: s
 def write_campaign(folder: Path, cell: Cell, landings: Sequence[Landing]) -> None:
     """Write `table.md` and, with the extra `plots`, `landings.png` and, of one motion for all, `instants.png`.
 
-    Raises:
-        DataError: one of them cannot be written.
+    DataError where one of them cannot be written.
     """
     scenario, area = cell.scenario, cell.scenario.rig.landing_area
     tables = [landings_table(landings, area), causes_table(landings), modes_table(landings)]

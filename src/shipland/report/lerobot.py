@@ -65,9 +65,7 @@ class _Flight:
 def write_lerobot(logs: Mapping[str, Path], root: Path) -> None:
     """Write logs, by their names, into a folder that must not be there yet.
 
-    Raises:
-        DataError: the folder is there, no log has two cycles, or pictures are of several sizes.
-        SystemLibraryError: an extra is missing.
+    DataError where it is, no log has two cycles, or pictures are of several sizes; SystemLibraryError without an extra.
     """
     require("dataset", "LeRobot's layout")
     if root.exists():

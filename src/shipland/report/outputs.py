@@ -73,10 +73,7 @@ class Recorder(AbstractContextManager["Recorder"]):
 
         `chase` renders the outside view of a moment (`chase.chase_view`); without it the onboard view stands alone.
         With `aside` the flight does not wait for a slow disk or encoder: a thread writes, and where it falls far behind
-        pictures are left out, then rows, which `problems` says.
-
-        Raises:
-            DataError: the folder or the log cannot be written.
+        pictures are left out, then rows, which `problems` says. DataError where folder or log cannot be written.
         """
         self.folder, self.problems = folder, []
         self._finished = self._log_failed = False

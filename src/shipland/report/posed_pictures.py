@@ -41,8 +41,7 @@ _ANGLES = ("roll_rad", "pitch_rad", "yaw_rad")
 def pack_pictures(logs: Mapping[str, Path], path: Path) -> list[dict[str, Any]]:
     """Write the pictures of logs, by their names, as FLIGHT/NUMBER.png; a row each, with "" for unknown.
 
-    Raises:
-        DataError: no log keeps pictures.
+    DataError where no log keeps pictures.
     """
     rows = []
     with replacing(path) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_STORED) as packed:  # a PNG is compressed

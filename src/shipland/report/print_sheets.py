@@ -44,13 +44,12 @@ _WHITE, _BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Drawing:
-    """What is printed.
+    """What is printed, in colours of red, green and blue from 0 to 1.
 
     Attributes:
         outlines_mm: (k, 2) corners (right, down) of each area, from the drawing's top-left corner.
         size_mm: width and height.
-        ink: colour of the areas, red, green, blue from 0 to 1.
-        ground: colour around them.
+        ink, ground: of the areas, and around them.
     """
 
     outlines_mm: tuple[Array, ...]
@@ -97,11 +96,7 @@ def cue_drawing(cue: Cue, hue: Hue) -> Drawing:
 
 
 def chessboard_drawing(corners: str, square_m: float) -> Drawing:
-    """A chessboard with so many inner corners, across x down, as `9x6`.
-
-    Raises:
-        ConfigError: the text or the square is wrong.
-    """
+    """A chessboard with so many inner corners, across x down, as `9x6`; ConfigError where text or square is wrong."""
     match = re.fullmatch(r"(\d+)[x×](\d+)", corners.strip().lower())
     if match is None or not all(3 <= int(count) <= 200 for count in match.groups()):
         raise ConfigError(f"--board {corners} is no board; expected inner corners across × down, each 3–200, as 9x6")
@@ -116,11 +111,7 @@ def chessboard_drawing(corners: str, square_m: float) -> Drawing:
 
 
 def sheets_for(size_mm: tuple[float, float], paper: str) -> Sheets:
-    """The way of turning the paper, a name of `PAPERS_MM` in any case, that takes fewest sheets.
-
-    Raises:
-        ConfigError: there is no such paper.
-    """
+    """The way of turning the paper, one of `PAPERS_MM` in any case, that takes fewest sheets; ConfigError else."""
     upright = {name.lower(): page for name, page in PAPERS_MM.items()}.get(paper.lower())
     if upright is None:
         raise ConfigError(f"--paper {paper} is not known; there are: {', '.join(PAPERS_MM)}")
@@ -140,9 +131,7 @@ def _laid(size_mm: tuple[float, float], page_mm: tuple[float, float]) -> Sheets:
 def print_sheets(path: Path, drawing: Drawing, paper: str, title: str) -> Sheets:
     """Write the PDF, with a title at the foot of each sheet; how it lies on the paper.
 
-    Raises:
-        ConfigError: there is no such paper.
-        DataError: the file cannot be written.
+    ConfigError where there is no such paper, DataError where the file cannot be written.
     """
     from matplotlib.backends.backend_pdf import PdfPages
 

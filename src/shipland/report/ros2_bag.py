@@ -47,10 +47,8 @@ class _Bag:
 def write_bag(log_path: Path, folder: Path, namespace: str = "drone") -> dict[str, int]:
     """Write a flight log as a bag (rosbag2, version 8, storage MCAP) for `ros2 bag`; how many messages of each topic.
 
-    Raises:
-        DataError: the log cannot be read.
-        ConfigError: the folder is there, or cannot be made.
-        VehicleError: the extra `ros2` is missing.
+    DataError where the log cannot be read, ConfigError where the folder is there or cannot be made, VehicleError
+    without the extra `ros2`.
     """
     store()
     from rosbags.rosbag2 import StoragePlugin, Writer

@@ -52,13 +52,10 @@ class Progress:
     """Where a run stands.
 
     Attributes:
-        step: of all environments.
-        updates: of the critics.
-        seconds: time spent.
+        step, updates, seconds: of all environments, of the critics, and spent.
         best, best_step: highest mean return of an evaluation so far, and when; at step 0 `horizon` alone.
         history: one row a chunk.
-        flights: the last ones.
-        flown: number of flights.
+        flights, flown: the last ones, and how many there were.
         run: what must stay the same when it is resumed.
     """
 

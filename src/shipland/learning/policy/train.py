@@ -79,10 +79,9 @@ _FIRST_SEED, _EVALUATION_SEED = 1_000_000, 500_000
 
 
 def learn(arguments: LearnArguments, makers: Sequence[EnvMaker]) -> Path:
-    """Train in `shipland/LastPhase-v0` until the steps or the time are used up or Ctrl-C comes; the policy's ONNX file.
+    """Train in `shipland/LastPhase-v0` until steps or time are used up or Ctrl-C comes; the policy's ONNX file.
 
-    Raises:
-        DataError: a checkpoint is wrong, or one is there that would be written over.
+    DataError where a checkpoint is wrong, or one is there that would be written over.
     """
     torch.set_num_threads(1)
     arguments.out.mkdir(parents=True, exist_ok=True)
