@@ -6,11 +6,9 @@ import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import tyro
-
-from shipland.commands.options import Changes, command_line
+from shipland.commands.options import Changes, Log, command_line
 
 if TYPE_CHECKING:
     from shipland.evaluation.replays import PastFlight
@@ -33,7 +31,7 @@ class Again:
     Example: shipland again out/near/near_horizon --seed 17 --video
     """
 
-    log: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]
+    log: Log
     """Log (flight.mcap) of a simulated flight, or the folder of a campaign's cell."""
     seed: int | None = None
     """Which flight of a cell."""

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-import tyro
+from shipland.commands.options import Log
 
 
 @dataclass(frozen=True)
@@ -20,7 +19,7 @@ class Bag:
     Example: shipland bag out/flight/flight.mcap --out out/bag
     """
 
-    log: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]
+    log: Log
     """Log of a flight, its flight.mcap."""
     out: Path = Path("out/bag")
     """Folder of the bag; must not be there yet."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-import tyro
+from shipland.commands.options import Paths
 
 
 @dataclass(frozen=True)
@@ -20,7 +19,7 @@ class Calibrate:
     Example: shipland calibrate board/ --board 9x6 --square-m 0.025 --out camera.yaml
     """
 
-    paths: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PATH …", help_behavior_hint="")]
+    paths: Paths
     """Pictures, or folders of pictures; a dozen or more, the board tilted and in every part of the picture."""
     board: str = "9x6"
     """Inner corners across x down."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from shipland.commands.options import CampaignOptions, command_line, names_of
+from shipland.commands.options import CampaignOptions, SuiteName, command_line, names_of
 from shipland.errors import ConfigError
 from shipland.extras import installed
 
@@ -36,7 +36,7 @@ class Campaign(CampaignOptions):
         --set aircraft.loop.kind=attitude,velocity --runs 200 --minutes 9 --out out/tables
     """
 
-    suite: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[SUITE]", help_behavior_hint="")] = ""
+    suite: SuiteName = ""
     """Name of a suite (see `shipland suites`), or the path of its TOML file; none with --scenario."""
     out: Path = Path("out/campaign")
     """Output folder; made when missing."""

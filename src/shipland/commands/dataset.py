@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-import tyro
+from shipland.commands.options import Folder
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,7 @@ class Dataset:
     Example: shipland dataset out/flights --lerobot --pictures --licence https://creativecommons.org/licenses/by/4.0/
     """
 
-    folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")]
+    folder: Folder
     """Folder of a campaign, or with the logs of flights in it (flight.mcap)."""
     licence: str
     """Address of the licence that the data will have."""

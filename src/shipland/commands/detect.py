@@ -46,7 +46,7 @@ class Detect(PictureOptions):
         settings = detector_parameters(self.config)
         detector = Detector.load(self.weights or self.kind, settings, self.classes)
         confidence = settings.acquire_confidence if self.confidence is None else self.confidence
-        with Results(self, COLUMNS) as results:
+        with Results(self, COLUMNS, lambda it: draw_boxes(it.picture.image, it.boxes)) as results:
             for result in detect_paths(self.paths, detector, confidence, results.broken):
-                results.add(result, lambda it=result: draw_boxes(it.picture.image, it.boxes))  # type: ignore[misc]
+                results.add(result)
         return results.exit_code

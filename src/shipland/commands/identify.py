@@ -6,9 +6,8 @@ import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-import tyro
+from shipland.commands.options import Log
 
 
 @dataclass(frozen=True)
@@ -20,7 +19,7 @@ class Identify:
     Example: shipland identify out/flight/flight.mcap --out vehicle.toml
     """
 
-    log: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]
+    log: Log
     """Log (flight.mcap) of a flight with telemetry of attitude and velocity."""
     out: Path = Path("vehicle.toml")
     """TOML file; written over."""

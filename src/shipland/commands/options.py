@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from shipland.learning.ship_and_camera import ShipAndCamera
     from shipland.scenario.scenario import Scenario
 
+Log = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]
+Folder = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")]
+Paths = Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PATH …", help_behavior_hint="")]
+SuiteName = Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[SUITE]", help_behavior_hint="")]
 Changes = Annotated[tuple[str, ...], tyro.conf.arg(name="set", metavar="KEY=VALUE"), tyro.conf.UseAppendAction]
 Flown = TypeVar("Flown")
 

@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import tyro
+from shipland.commands.options import Paths
 
 if TYPE_CHECKING:
     from shipland.errors import DataError
@@ -27,7 +27,7 @@ _PROGRESS_S = 5.0
 class PictureOptions:
     """Which pictures, and what becomes of the results."""
 
-    paths: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PATH …", help_behavior_hint="")]
+    paths: Paths
     """Pictures, folders of pictures, videos, flight logs (.mcap) that keep pictures."""
     json: bool = False
     """JSON lines instead of lines for people."""
@@ -44,8 +44,9 @@ class Results:
     terminal.
     """
 
-    def __init__(self, options: PictureOptions, columns: Sequence[str]) -> None:
-        self._options, self._columns = options, columns
+    def __init__(self, options: PictureOptions, columns: Sequence[str], draw: Callable[[Any], Picture]) -> None:
+        """`draw` makes the drawing of a result."""
+        self._options, self._columns, self._draw = options, columns, draw
         self._stack = ExitStack()
         self._table: csv.DictWriter[str] | None = None
         self._drawings: Any = None
@@ -82,15 +83,15 @@ class Results:
         """0; 1 when something could not be looked at, 2 when nothing could."""
         return 0 if not self._failed else 1 if self._looked_at else 2
 
-    def add(self, result: SeeResult | DetectResult, drawn: Callable[[], Picture]) -> None:
-        """Print, tabulate and draw one; `drawn` is called for drawings."""
+    def add(self, result: SeeResult | DetectResult) -> None:
+        """Print, tabulate and draw one."""
         self._looked_at += 1
         self._found += result.found
         print(json.dumps(result.to_json()) if self._options.json else result.to_line(), flush=True)
         if self._table is not None:
             self._table.writerows(result.to_rows())
         if self._drawings is not None:
-            self._drawings.add(result.picture, drawn())
+            self._drawings.add(result.picture, self._draw(result))
         if not sys.stdout.isatty() and time.monotonic() - self._said_s > _PROGRESS_S:
             self._said_s = time.monotonic()
             print(f"{result.picture.name}: {result.picture.progress}", file=sys.stderr, flush=True)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-import tyro
+from shipland.commands.options import Paths
 
 
 @dataclass(frozen=True)
@@ -20,7 +19,7 @@ class Report:
     Example: shipland report ours.zip theirs.zip --out leaderboard.html
     """
 
-    folders: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PATH …", help_behavior_hint="")]
+    folders: Paths
     """Folders of campaigns; a flight that two of them hold counts once. Or bundles."""
     out: Path | None = None
     """The page; report.html in the first folder, or beside the first bundle, when not given."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,10 +15,8 @@ from shipland.commands.pictures import PictureOptions, Results
 if TYPE_CHECKING:
     from shipland.camera import Camera, CameraParameters
     from shipland.cue import Cue
-    from shipland.errors import DataError
     from shipland.record.reader import FlightLog
     from shipland.vision.attitude import AttitudeTrack
-    from shipland.vision.near.files import SeeResult
     from shipland.vision.pictures import Picture
 
 
@@ -59,6 +57,7 @@ class See(PictureOptions):
 
     def run(self) -> int:
         """Look at every picture and say what is in it."""
+        from shipland.errors import DataError
         from shipland.report.drawings import draw_observation
         from shipland.scenario.scenario import load_scenario
         from shipland.vision.near.files import COLUMNS, see_paths
@@ -67,19 +66,24 @@ class See(PictureOptions):
         scenario = load_scenario(self.config or {})
         logs = self._logs()
         cue, (camera, whose) = self._cue(scenario.rig.cue, logs), self._camera(scenario.camera, logs)
-        attitudes = self._attitudes(logs)
-        noted = _Attitudes(attitudes)
-        with Results(self, COLUMNS) as results:
+        attitudes, known = self._attitudes(logs), dict[Path, list[bool]]()
+        with Results(self, COLUMNS, lambda it: draw_observation(it.picture.image, it.observation)) as results:
             found = see_paths(self.paths, cue, camera, results.broken, scenario.vision, attitudes.get)
             for number, result in enumerate(found):
                 if number == 0:
                     print(f"camera: {_words(camera, result.picture.image)}, {whose}", file=sys.stderr)
                     print(f"cue: {cue.size_words}", file=sys.stderr)
-                if is_film(result.picture.source):
-                    noted.note(result)
-                results.add(result, lambda it=result: draw_observation(it.picture.image, it.observation))  # type: ignore[misc]
-            for film, error in noted.missing():
-                results.broken(film, error)
+                film = result.picture.source
+                if is_film(film):
+                    if film not in known:
+                        print(f"attitude: {attitudes[film].words if film in attitudes else _NONE}", file=sys.stderr)
+                    known.setdefault(film, []).append(math.isfinite(result.observation.gimbal.pitch_rad))
+                results.add(result)
+            for film, of_pictures in known.items():
+                if film in attitudes and not all(of_pictures):
+                    without = f"{len(of_pictures) - sum(of_pictures)} of {len(of_pictures)} pictures lie outside of"
+                    where = f"{attitudes[film].words} on the film's clock (--attitude-start-s)"
+                    results.broken(film, DataError(f"{film}: {without} {where}"))
         return results.exit_code
 
     def _logs(self) -> dict[Path, FlightLog]:
@@ -137,33 +141,7 @@ class See(PictureOptions):
         return own | dict.fromkeys(films, track)
 
 
-class _Attitudes:
-    """Says which attitude each film's pictures have, and counts those without."""
-
-    def __init__(self, tracks: Mapping[Path, AttitudeTrack]) -> None:
-        self._tracks = tracks
-        self._pictures: dict[Path, list[bool]] = {}
-
-    def note(self, result: SeeResult) -> None:
-        """Take a film's picture; the first one says what is known."""
-        film = result.picture.source
-        if film not in self._pictures:
-            track = self._tracks.get(film)
-            words = "none, a pose's tilt may have either sign; --attitude gives it" if track is None else track.words
-            print(f"attitude: {words}", file=sys.stderr)
-        self._pictures.setdefault(film, []).append(math.isfinite(result.observation.gimbal.pitch_rad))
-
-    def missing(self) -> Iterator[tuple[Path, DataError]]:
-        """The films that have an attitude, but not for all of their pictures."""
-        from shipland.errors import DataError
-
-        for film, known in self._pictures.items():
-            if film in self._tracks and not all(known):
-                where = f"{self._tracks[film].words} on the film's clock (--attitude-start-s)"
-                yield (
-                    film,
-                    DataError(f"{film}: {len(known) - sum(known)} of {len(known)} pictures lie outside of {where}"),
-                )
+_NONE = "none, a pose's tilt may have either sign; --attitude gives it"
 
 
 def _words(camera: Camera, picture: Picture) -> str:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-import tyro
+from shipland.commands.options import Folder
 
 
 @dataclass(frozen=True)
@@ -23,7 +22,7 @@ class Submit:
     Example: shipland submit out/mine --title "my pilot 1" --out mine.zip
     """
 
-    folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")]
+    folder: Folder
     """Folder of the campaign."""
     title: str
     """What the submission is called on the leaderboard."""

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
-import tyro
+from shipland.commands.options import SuiteName
 
 
 @dataclass(frozen=True)
@@ -15,7 +14,7 @@ class Suites:
     Example: shipland suites near
     """
 
-    suite: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[SUITE]", help_behavior_hint="")] = ""
+    suite: SuiteName = ""
     """Name of a suite, or the path of its TOML file; none lists the packaged ones."""
 
     def run(self) -> int:
