@@ -15,7 +15,7 @@ from shipland.errors import ConfigError, DataError
 from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.oracle import OracleRate, oracle_rate
-from shipland.evaluation.tables import by_seed, median, pair_up
+from shipland.evaluation.tables import by_seed, markdown, median, pair_up
 from shipland.evaluation.tally import Tally
 from shipland.files import json_bytes, json_of, read_text, write_atomically
 from shipland.rig import Rig, area_of
@@ -43,9 +43,8 @@ def rules(rig: Rig) -> dict[str, Callable[[Landing], bool]]:
 
 def rules_table(landings: Sequence[Landing], rig: Rig) -> str:
     """Markdown: how many of the landings each rule counts."""
-    lines = ["| rule | landings |", "|---|---:|"]
-    lines += [f"| {name} | {sum(map(rule, landings))} of {len(landings)} |" for name, rule in rules(rig).items()]
-    return "\n".join(lines)
+    counted = ((name, f"{sum(map(rule, landings))} of {len(landings)}") for name, rule in rules(rig).items())
+    return markdown(("rule", "landings"), counted)
 
 
 def swept_keys(cells: Sequence[CellResult]) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,12 @@ _PHASE_NAMES = {
     "blind_s": "5 no vision",
     "go_around_s": "go-around",
 }
+
+
+def markdown(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A table whose first column stands to the left, the others to the right."""
+    first, *others = (f"| {' | '.join(map(str, cells))} |" for cells in (head, *rows))
+    return "\n".join([first, f"|---|{'---:|' * (len(head) - 1)}", *others])
 
 
 def landings_table(landings: Sequence[Landing], area: str) -> str:
@@ -75,24 +81,22 @@ def causes_table(landings: Sequence[Landing]) -> str:
     causes = Counter(landing.cause for landing in landings if not landing.success)
     if not causes:
         return ""
-    lines = ["| cause | flights |", "|---|---:|"]
-    return "\n".join([*lines, *(f"| {cause} | {count} |" for cause, count in causes.most_common())])
+    return markdown(("cause", "flights"), causes.most_common())
 
 
 def modes_table(landings: Sequence[Landing]) -> str:
     """Time in each mode, its share of all flight time, and how many flights were ever in it."""
     total_s = sum(getattr(landing.phases, name) for landing in landings for name in _PHASE_NAMES)
-    lines = ["| mode | median [s] | longest [s] | share of all time | flights |", "|---|---:|---:|---:|---:|"]
+    rows = []
     for name, words in _PHASE_NAMES.items():
         times_s = np.array([getattr(landing.phases, name) for landing in landings])
         share = times_s.sum() / total_s if total_s > 0.0 else 0.0
-        lines.append(
-            f"| {words} | {np.median(times_s):.1f} | {times_s.max():.1f} | {100.0 * share:.0f} % | "
-            f"{int((times_s > 0.0).sum())} |"
-        )
+        longest, flights = f"{times_s.max():.1f}", int((times_s > 0.0).sum())
+        rows.append((words, f"{np.median(times_s):.1f}", longest, f"{100.0 * share:.0f} %", flights))
     broken_off = sum(landing.phases.tries for landing in landings)
     flights = sum(landing.phases.tries > 0 for landing in landings)
-    return "\n".join([*lines, "", f"{broken_off} landings were broken off, in {flights} of {len(landings)} flights."])
+    table = markdown(("mode", "median [s]", "longest [s]", "share of all time", "flights"), rows)
+    return f"{table}\n\n{broken_off} landings were broken off, in {flights} of {len(landings)} flights."
 
 
 def by_seed(landings: Sequence[Landing]) -> dict[int, Landing]:

@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -96,9 +97,10 @@ def steps(
     """
     fitting, held_out = sets
     recent: Floats | None = None
-    progress = run.progress
-    rounds = _round(run, parameters, minutes)
-    while (done := through(progress, parameters, minutes)) < 1.0:
+    progress, part = run.progress, partial(through, run.progress, parameters, minutes)
+    # Hard rounds are spread evenly over the run.
+    rounds = int(part() * (parameters.hard_rounds + 1))
+    while (done := part()) < 1.0:
         began = time.monotonic()
         rng = np.random.default_rng([seed, progress.step])
         parts = step(run, parameters, *windows.draw(progress.hard, rng), done)
@@ -106,16 +108,15 @@ def steps(
             raise DataError(f"training diverged at step {progress.step}: lower learning_rate; {out / LAST} is whole")
         recent = parts if recent is None else 0.98 * recent + 0.02 * parts
         progress.step += 1
-        if progress.step % LOSS_EVERY == 0 or through(progress, parameters, minutes) >= 1.0:
+        if progress.step % LOSS_EVERY == 0 or part() >= 1.0:
             progress.losses.append((float(progress.step), *recent.tolist()))
         progress.seconds += time.monotonic() - began
-        if _round(run, parameters, minutes) > rounds and through(progress, parameters, minutes) < 1.0:
-            began = time.monotonic()
-            rounds = _round(run, parameters, minutes)
+        if rounds < int(part() * (parameters.hard_rounds + 1)) <= parameters.hard_rounds:
+            began, rounds = time.monotonic(), int(part() * (parameters.hard_rounds + 1))
             number = np.random.default_rng([seed, progress.step, 1])
             progress.hard = mine(run, parameters, windows, len(fitting.samples), number)
             progress.seconds += time.monotonic() - began
-        if progress.step % parameters.evaluate_every == 0 or through(progress, parameters, minutes) >= 1.0:
+        if progress.step % parameters.evaluate_every == 0 or part() >= 1.0:
             began = time.monotonic()
             if _evaluate(run, parameters, held_out, recent, done, out):
                 write_detector(out, run.average, run.spec, progress.step, len(fitting.samples))
@@ -126,11 +127,6 @@ def steps(
         yield f"loss {recent.sum():.3f}, best average precision at IoU {parameters.match_iou:g} " + (
             f"{progress.best:.3f}" if progress.best >= 0.0 else "not yet known"
         )
-
-
-def _round(run: Run, parameters: TrainParameters, minutes: float | None) -> int:
-    """How many hard rounds are due; they are spread evenly over the run."""
-    return int(through(run.progress, parameters, minutes) * (parameters.hard_rounds + 1))
 
 
 def step(run: Run, parameters: TrainParameters, pictures: Tensor, targets: Tensor, done: float) -> Floats:

@@ -14,11 +14,19 @@ from shipland.messages import TouchdownVerdict
 from shipland.record.columns import FlightColumns
 from shipland.record.reader import FlightLog
 from shipland.report.palette import BLUE, VERMILION, unit
-from shipland.report.plots import draw_pad, finish_time_axes
+from shipland.report.plots import PLACES, draw_pad, finish_time_axes
 from shipland.version import code_version
 
 PART_M = 0.01
 """Two aircraft that are further from each other have parted."""
+_FIGURES: dict[str, Callable[[TouchdownVerdict], float]] = {
+    "error [cm]": lambda it: 100.0 * it.error_m,
+    "ahead [cm]": lambda it: 100.0 * it.touchdown_in_deck_m[0],
+    "starboard [cm]": lambda it: 100.0 * it.touchdown_in_deck_m[1],
+    "sink [m/s]": lambda it: it.sink_mps,
+    "tilt [°]": lambda it: math.degrees(it.tilt_rad),
+    "first contact [s]": lambda it: it.t_s,
+}
 _COLOURS = (("as it was flown", BLUE), ("again", VERMILION))
 
 
@@ -27,12 +35,8 @@ def comparison(before: FlightLog, after: FlightLog) -> Iterator[str]:
     yield f"{'':<22}{'as it was flown':>18}{'again':>18}"
     flights = (before, after)
     yield _line("landed in the square", [_yes(log.verdict) for log in flights])
-    yield _line("error [cm]", [_figure(it.verdict, lambda v: 100.0 * v.error_m) for it in flights])
-    yield _line("ahead [cm]", [_figure(log.verdict, lambda it: 100.0 * it.touchdown_in_deck_m[0]) for log in flights])
-    yield _line("starboard [cm]", [_figure(it.verdict, lambda v: 100.0 * v.touchdown_in_deck_m[1]) for it in flights])
-    yield _line("sink [m/s]", [_figure(it.verdict, lambda v: v.sink_mps) for it in flights])
-    yield _line("tilt [°]", [_figure(it.verdict, lambda v: math.degrees(v.tilt_rad)) for it in flights])
-    yield _line("first contact [s]", [_figure(it.verdict, lambda v: v.t_s) for it in flights])
+    for name, of in _FIGURES.items():
+        yield _line(name, [_figure(log.verdict, of) for log in flights])
     yield _line("cycles", [f"{len(log.records)}" for log in flights])
     for name, log in zip(("as it was flown", "again"), flights, strict=True):
         yield f"{name}: {'no touchdown' if log.verdict is None else log.verdict.reason}"
@@ -56,7 +60,6 @@ def plot_pair(path: Path, before: FlightLog, after: FlightLog) -> None:
         figure.suptitle(f"{info.scenario}, seed {info.seed}: as it was flown, and again", fontweight="bold")
         grid = figure.add_gridspec(3, 2, width_ratios=[1.5, 1.0])
         rows = [figure.add_subplot(grid[row, 0]) for row in range(3)]
-        titles = ("ahead of the pad's centre [m]", "right of it [m]", "height over the neutral deck [m]")
         above = figure.add_subplot(grid[:, 1])
         draw_pad(above, before.header.rig)
         above.set_title("over the deck, from above; touchdowns")
@@ -70,7 +73,7 @@ def plot_pair(path: Path, before: FlightLog, after: FlightLog) -> None:
             if log.verdict is not None and log.verdict.touched:
                 forward_m, right_m = log.verdict.touchdown_in_deck_m
                 above.plot(right_m, forward_m, "o", color=unit(colour), markersize=7)
-        for axes, title in zip(rows, titles, strict=True):
+        for axes, title in zip(rows, PLACES, strict=True):
             axes.set_title(title)
             finish_time_axes(axes, before.columns(), None, last=axes is rows[-1])
             axes.set_xlim(0.0, max(spans_s))

@@ -192,19 +192,16 @@ class Instruments:
         for index, line in enumerate(wrap_text(decision.reason, 14, 330, lines=2)):
             put_text(strip, line, (14, 64 + 20 * index), 14, _INK)
 
-    def _draw_place(self, strip: Image, places: Derived) -> None:
-        self._draw_place_row(strip, 54, 16, _INK, places.estimate_in_pad_m, places.estimate_yaw_rad)
-        if np.isfinite(places.truth_in_pad_m).all():
-            self._draw_place_row(strip, 82, 14, _FAINT, places.truth_in_pad_m, places.truth_yaw_rad)
-
     @staticmethod
-    def _draw_place_row(
-        strip: Image, row: int, size_px: int, colour: Bgr, place_m: npt.NDArray[np.float64], yaw_rad: float
-    ) -> None:
-        texts = [_metres(float(value)) for value in place_m]
-        texts.append(f"{_signed(math.degrees(yaw_rad), 1)}°" if math.isfinite(yaw_rad) else "–")
-        for column, text in zip(_PLACE_COLUMNS_PX, texts, strict=True):
-            put_text(strip, text, (column, row), size_px, colour)
+    def _draw_place(strip: Image, places: Derived) -> None:
+        rows = [(54, 16, _INK, places.estimate_in_pad_m, places.estimate_yaw_rad)]
+        if np.isfinite(places.truth_in_pad_m).all():
+            rows.append((82, 14, _FAINT, places.truth_in_pad_m, places.truth_yaw_rad))
+        for row, size_px, colour, place_m, yaw_rad in rows:
+            texts = [_metres(float(value)) for value in place_m]
+            texts.append(f"{_signed(math.degrees(yaw_rad), 1)}°" if math.isfinite(yaw_rad) else "–")
+            for column, text in zip(_PLACE_COLUMNS_PX, texts, strict=True):
+                put_text(strip, text, (column, row), size_px, colour)
 
     @staticmethod
     def _draw_sticks(strip: Image, record: FlightRecord) -> None:
@@ -268,8 +265,7 @@ def _draw_box(image: Image, box: Box, name: str, colour: Bgr, scale: float, *, b
     above_row, below_row = round(float(first[1])) - 7, round(float(last[1])) + 18
     below = (below and below_row < image.shape[0] - 4) or above_row <= 14
     column, row = max(2, round(float(first[0]))), below_row if below else above_row
-    ground = image[
-        max(0, row - 13) : max(0, row + 5), column - 2 : max(0, column + text_width(label, 14, bold=True) + 3)
-    ]
+    right = max(0, column + text_width(label, 14, bold=True) + 3)
+    ground = image[max(0, row - 13) : max(0, row + 5), column - 2 : right]
     ground //= 2  # a coloured label on a sky of its brightness is lost in the film's coarse colours
     put_text(image, label, (column, row), 14, colour, bold=True)

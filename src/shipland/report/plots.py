@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 _STEP_S = 0.05
 """Cycles that are as close as this are drawn as they are."""
+PLACES = ("ahead of the pad's centre [m]", "right of it [m]", "height over the neutral deck [m]")
 _TRUTH, _SEEN = unit(BLACK), unit(ORANGE)
 
 
@@ -67,8 +68,7 @@ def plot_flight(path: Path, log: FlightLog, parameters: PlotParameters) -> None:
         grid = figure.add_gridspec(6, 2, height_ratios=[0.16, 1, 1, 1, 1, 1])
         band = figure.add_subplot(grid[0, :])
         draw_mode_key(band, columns)
-        rows = [(figure.add_subplot(grid[row, 0]), row) for row in range(1, 6)]
-        left = [axes for axes, _ in rows]
+        left = [figure.add_subplot(grid[row, 0]) for row in range(1, 6)]
         right = [figure.add_subplot(grid[row, 1]) for row in range(3, 6)]
         pad = figure.add_subplot(grid[1:3, 1])
         for draw, axes in zip((draw_forward, draw_right, draw_up, draw_heading, _draw_speed), left, strict=True):
@@ -140,7 +140,7 @@ def finish_time_axes(axes: Axes, columns: FlightColumns, verdict: TouchdownVerdi
 
 def draw_forward(axes: Axes, columns: FlightColumns) -> None:
     """Place ahead of the pad; logarithmic when it goes from far to near."""
-    _draw_place(axes, columns, 0, "ahead of the pad's centre [m]")
+    _draw_place(axes, columns, 0)
     nearest = np.nanmin(np.abs(columns.place_in_pad_m[:, 0]), initial=np.inf)
     if np.nanmax(np.abs(columns.place_in_pad_m[:, 0]), initial=0.0) > 20.0 and nearest < 2.0:
         axes.set_yscale("symlog", linthresh=1.0, linscale=0.4)
@@ -153,12 +153,12 @@ def draw_forward(axes: Axes, columns: FlightColumns) -> None:
 
 def draw_right(axes: Axes, columns: FlightColumns) -> None:
     """Place right of the pad."""
-    _draw_place(axes, columns, 1, "right of it [m]")
+    _draw_place(axes, columns, 1)
 
 
 def draw_up(axes: Axes, columns: FlightColumns) -> None:
     """Height over the neutral deck, and the deck's own."""
-    _draw_place(axes, columns, 2, "height over the neutral deck [m]")
+    _draw_place(axes, columns, 2)
     axes.plot(*smooth(columns.t_s, columns.deck_shift_m[:, 2]), color=unit(GREY), label="deck's centre")
     if np.isfinite(columns.landing_probability).any():
         shares = axes.twinx()
@@ -167,8 +167,8 @@ def draw_up(axes: Axes, columns: FlightColumns) -> None:
         shares.set_ylabel("P(landing) [%]", color=unit(VERMILION))
 
 
-def _draw_place(axes: Axes, columns: FlightColumns, axis: int, title: str) -> None:
-    axes.set_title(title)
+def _draw_place(axes: Axes, columns: FlightColumns, axis: int) -> None:
+    axes.set_title(PLACES[axis])
     _draw_estimate(axes, columns.estimate_t_s, columns.estimate_in_pad_m[:, axis])
     axes.plot(columns.t_s, columns.truth_in_pad_m[:, axis], color=_TRUTH, label="truth")
     _show_at_least(axes, 0.4)
@@ -267,13 +267,9 @@ def draw_footprint(axes: Axes, place_in_deck_m: Array, yaw_rad: float, diagonal_
         tip = (right_m + arm_m * np.sin(angle_rad), forward_m + arm_m * np.cos(angle_rad))
         axes.plot([right_m, tip[0]], [forward_m, tip[1]], color="#444444", linewidth=2.0, zorder=1.5)
         axes.add_patch(Circle(tip, 0.55 * arm_m, facecolor="#44444433", edgecolor="#444444", zorder=1.5))
-    nose_m = 0.8 * arm_m
-    axes.annotate(
-        "",
-        (right_m + nose_m * np.sin(yaw_rad), forward_m + nose_m * np.cos(yaw_rad)),
-        (right_m, forward_m),
-        arrowprops={"arrowstyle": "-|>", "color": "#444444", "linewidth": 1.5},
-    )
+    nose = (right_m + 0.8 * arm_m * np.sin(yaw_rad), forward_m + 0.8 * arm_m * np.cos(yaw_rad))
+    arrow = {"arrowstyle": "-|>", "color": "#444444", "linewidth": 1.5}
+    axes.annotate("", nose, (right_m, forward_m), arrowprops=arrow)
 
 
 def smooth(t_s: Array, values: Array) -> tuple[Array, Array]:

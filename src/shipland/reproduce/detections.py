@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from shipland.camera import Camera, level_from_camera
+from shipland.evaluation.tables import markdown
 from shipland.figures import drawn
 from shipland.frames import Pose, rotation_from_euler
 from shipland.messages import Box, GimbalAttitude
@@ -72,13 +73,13 @@ def detections(path: Path, scenario: Scenario) -> str:
             at = [box for box in found if true_px is not None and _over(box, true_px)]
             seen[kind].append(Seen(picture, true_px, max(at, key=lambda box: box.confidence, default=None)))
     plot_detections(path, seen)
-    lines = ["| target | distance [m] | width [px] | confidence |", "|---|---:|---:|---:|"]
+    rows = []
     for kind, all_of in seen.items():
         for distance_m, each in zip(DISTANCES_M, all_of, strict=True):
             wide = "–" if each.true_px is None else f"{each.true_px[2] - each.true_px[0]:.1f}"
             sure = "not found" if each.box is None else f"{each.box.confidence:.2f}"
-            lines.append(f"| {kind} | {distance_m:.0f} | {wide} | {sure} |")
-    return "\n".join(lines)
+            rows.append((kind, f"{distance_m:.0f}", wide, sure))
+    return markdown(("target", "distance [m]", "width [px]", "confidence"), rows)
 
 
 def plot_detections(path: Path, seen: dict[str, list[Seen]]) -> None:

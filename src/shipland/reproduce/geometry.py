@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from shipland.camera import Camera
+from shipland.evaluation.tables import markdown
 from shipland.figures import drawn
 from shipland.report.palette import BLUE, GREEN, GREY, ORANGE, VERMILION, unit
 from shipland.rig import Rig
@@ -52,9 +53,8 @@ def distance_size(path: Path, scenario: Scenario) -> str:
         for distance_m in distances_m:
             wide = width_px(size_m, distance_m, camera.focal_px)
             shrunk = (f"{wide * side_px / camera.width_px:.1f}" for side_px in INPUTS_PX)
-            rows.append(f"| {name} | {distance_m:.0f} | {wide:.1f} | {' | '.join(shrunk)} |")
-    head = f"| target | distance [m] | width [px] | {' | '.join(f'shrunk to {side_px} px' for side_px in INPUTS_PX)} |"
-    return "\n".join([head, "|---|---:|---:|---:|---:|", *rows])
+            rows.append((name, f"{distance_m:.0f}", f"{wide:.1f}", *shrunk))
+    return markdown(("target", "distance [m]", "width [px]", *(f"shrunk to {it} px" for it in INPUTS_PX)), rows)
 
 
 def plot_distance_size(path: Path, camera: Camera, rig: Rig) -> None:
@@ -114,9 +114,7 @@ def plot_yolo_grid(path: Path, camera: Camera, rig: Rig) -> None:
             corner = stride * np.floor(middle / stride) - 0.5
             axes.add_patch(Rectangle((corner[0], corner[1]), stride, stride, facecolor=unit(ORANGE), alpha=0.6))
             left_top = middle - 0.5 * np.array([wide, high])
-            axes.add_patch(
-                Rectangle((left_top[0], left_top[1]), wide, high, fill=False, edgecolor=unit(BLUE), linewidth=1.6)
-            )
+            axes.add_patch(Rectangle(tuple(left_top), wide, high, fill=False, edgecolor=unit(BLUE), linewidth=1.6))
             axes.plot(*middle, ".", color=unit(BLUE), markersize=3)
             count = side_px // stride
             axes.set_title(f"{count} × {count} × {VALUES}: platform at {distance_m:.0f} m, {wide:.0f} px")

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.evaluation.landing import Landing
+from shipland.evaluation.tables import markdown
 from shipland.evaluation.tally import Tally
 from shipland.figures import drawn
 from shipland.record.reader import FlightLog, read_log
@@ -38,11 +39,7 @@ def courses(path: Path, _: Scenario) -> str:
     """Fly a landing on each course at each speed and draw them; the figures as a table."""
     logs: list[FlightLog] = []
     landings: list[Landing] = []
-    rows = [
-        f"Ship at {SPEEDS_MPS[0]:g} to {SPEEDS_MPS[-1]:g} m/s:\n",
-        "| course | flights | in the square | 95 % interval | longest [s] |",
-        "|---|---:|---:|---:|---:|",
-    ]
+    rows = []
     with tempfile.TemporaryDirectory() as folder:
         for course, words in COURSES.items():
             of_course = []
@@ -54,10 +51,11 @@ def courses(path: Path, _: Scenario) -> str:
                 if log is not None:
                     logs.append(read_log(log))
             tally, longest_s = Tally.of(of_course), max(landing.time_s for landing in of_course)
-            rows.append(f"| {words} | {len(of_course)} | {tally.landed} | {tally.interval_text(0)} | {longest_s:.0f} |")
+            rows.append((words, len(of_course), tally.landed, tally.interval_text(0), f"{longest_s:.0f}"))
             landings += of_course
     plot_courses(path, logs, landings, scenario.rig)
-    return "\n".join(rows)
+    table = markdown(("course", "flights", "in the square", "95 % interval", "longest [s]"), rows)
+    return f"Ship at {SPEEDS_MPS[0]:g} to {SPEEDS_MPS[-1]:g} m/s:\n\n{table}"
 
 
 def plot_courses(path: Path, logs: Sequence[FlightLog], landings: Sequence[Landing], rig: Rig) -> None:
@@ -79,7 +77,7 @@ def touchdowns(path: Path, _: Scenario, *, runs: int) -> str:
 
     Leaves NAME-SCENARIO.png, the deck's coordinates at each touchdown, and landing-points-SCENARIO.png beside it.
     """
-    rows = ["| motion | flights | in the square | 95 % interval | touched the deck |", "|---|---:|---:|---:|---:|"]
+    rows = []
     for name, words in MOTIONS.items():
         scenario = load_scenario(scenario_table(name, None, ("ship.same_motion=true",)))
         landings = [_landed(f"{words}: flight {seed} of {runs}", scenario, seed) for seed in range(1, runs + 1)]
@@ -89,8 +87,8 @@ def touchdowns(path: Path, _: Scenario, *, runs: int) -> str:
         plot_touchdowns(path.with_name(f"landing-points-{name}.png"), met, scenario.rig, title, parameters)
         tally = Tally.of(landings)
         touched = sum(landing.touched for landing in landings)
-        rows.append(f"| {words} | {runs} | {tally.landed} | {tally.interval_text(0)} | {touched} |")
-    return "\n".join(rows)
+        rows.append((words, runs, tally.landed, tally.interval_text(0), touched))
+    return markdown(("motion", "flights", "in the square", "95 % interval", "touched the deck"), rows)
 
 
 def _landed(words: str, scenario: Scenario, seed: int, log: Path | None = None) -> Landing:

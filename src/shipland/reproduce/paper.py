@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import get_args
 
+from shipland.evaluation.tables import markdown
 from shipland.extras import require
 from shipland.guidance.laws import derivative_gain, exponential_law
 from shipland.guidance.parameters import FarVariant
@@ -78,7 +79,7 @@ def _roll_law(path: Path, scenario: Scenario) -> str:
         [f"{variant} [%]", *(f"{exponential_law(error_px, ship.roll, variant):+.0f}" for error_px in far.LAW_ERRORS_PX)]
         for variant in get_args(FarVariant)
     ]
-    return _table(head, rows)
+    return markdown(head, rows)
 
 
 def _derivative_gain(path: Path, scenario: Scenario) -> str:
@@ -90,7 +91,7 @@ def _derivative_gain(path: Path, scenario: Scenario) -> str:
         gains = getattr(near, name)
         values = [derivative_gain(step * gains.sigma, 0.03, gains, "probabilistic") for step in LAW_STEPS]
         rows.append([name, *(f"{value:.2f}" for value in values), f"{gains.b:g}"])
-    return _table(head, rows)
+    return markdown(head, rows)
 
 
 def _far_steps(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one signature for all
@@ -118,11 +119,11 @@ def _far_steps(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one sig
             f"A proportional stick no longer settles at 100 m from {roll:.2f} % per px in roll (period "
             f"{roll_s:.1f} s) and {heave:.1f} % per px in heave ({heave_s:.1f} s).",
             "### Sideways",
-            _table(head, sideways),
+            markdown(head, sideways),
             "### Vertical",
-            _table(head, vertical),
+            markdown(head, vertical),
             "### Heading",
-            _table(
+            markdown(
                 ["yaw law, cycle", f"swing over {far.LATE_S:.0f} s [°]"],
                 [[name, f"{far.yaw_swing_deg(overlay):.1f}"] for name, overlay in far.YAW_CASES.items()],
             ),
@@ -162,8 +163,8 @@ def _far_readings(path: Path, scenario: Scenario) -> str:
             f"{far.RUN_IN_M:.0f} m before it. Settled: from when on within {far.AXIS_M:.0f} m of the ship's axis, if "
             "before the run-in. "
             "Setpoint area: when the bar's box, flown on past the hand-over, came within a fifth of 3400 px².",
-            _table(["reading", *_SUM], sums),
-            _table(["from [m]", "offset [°]", "wind [m/s]", "reading", *_APPROACH], rows),
+            markdown(["reading", *_SUM], sums),
+            markdown(["from [m]", "offset [°]", "wind [m/s]", "reading", *_APPROACH], rows),
         ]
     )
 
@@ -208,7 +209,7 @@ def _near_false(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one si
         "Excursion: from where the aircraft would have been without it, within 3 s."
     )
     head = ["noise added [mm]", "false by [m]", "slew bound", "derivative", *_NEAR, "excursion [cm]"]
-    return f"{words}\n\n{_table(head, rows)}"
+    return f"{words}\n\n{markdown(head, rows)}"
 
 
 _NEAR = {
@@ -227,12 +228,6 @@ def _text(value: float | bool, form: str = "") -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return "–" if math.isnan(value) else format(value, form)
-
-
-def _table(head: list[str], rows: list[list[str]]) -> str:
-    """Markdown; the first column to the left, the others to the right."""
-    lines = [head, ["---", *("---:" for _ in head[1:])], *rows]
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
 _FIGURES: dict[str, Callable[[Path, Scenario], str]] = {
