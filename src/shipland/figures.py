@@ -60,7 +60,7 @@ def save_figure(figure: Figure, path: Path, dpi: int) -> None:
 
 
 @contextmanager
-def drawn(path: Path, size_in: tuple[float, float], dpi: int, *, grid: bool = True) -> Iterator[Figure]:
+def drawn(path: Path, size_in: tuple[float, float], dpi: int = 80, *, grid: bool = True) -> Iterator[Figure]:
     """A figure in the house's style, written as `save_figure` does once the block has drawn it."""
     import matplotlib as mpl
 

@@ -7,7 +7,7 @@ import platform
 import shutil
 import subprocess  # this Python alone
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -36,7 +36,7 @@ class Doctor:
     def run(self) -> int:
         """Look at everything."""
         failed = False
-        for look in _LOOKS:
+        for look in (_machine, _opengl, _compiled, _detectors, _extras, _autopilots, _priority):
             for state, name, words in look():
                 failed |= state == "FAIL"
                 print(f"{state:<4}  {name:<14} {words}", flush=True)
@@ -120,20 +120,6 @@ def _priority() -> Iterator[Finding]:
         yield "ok", "priority", "set-points may leave before other processes' work"
         return
     user = os.environ.get("USER", "you")
-    yield (
-        "-",
-        "priority",
-        "without the privilege a busy machine delays set-points to a vehicle; add to /etc/security/limits.conf: "
-        f"'{user} - rtprio 10' and '{user} - nice -15', and log in again",
-    )
-
-
-_LOOKS: tuple[Callable[[], Iterator[Finding]], ...] = (
-    _machine,
-    _opengl,
-    _compiled,
-    _detectors,
-    _extras,
-    _autopilots,
-    _priority,
-)
+    lines = f"'{user} - rtprio 10' and '{user} - nice -15', and log in again"
+    lack = "without the privilege a busy machine delays set-points to a vehicle"
+    yield "-", "priority", f"{lack}; add to /etc/security/limits.conf: {lines}"

@@ -24,7 +24,6 @@ from shipland.sim.ship.recorded import HEADER
 from shipland.sim.ship.sea import significant_amplitude
 from shipland.sim.wind import build_wind
 
-_DPI = 80
 _AXIS_UNITS = ("m", "m", "m, down", "°", "°", "°")
 RULE_NAMES = {"froude": "Froude: time / √scale", "length_only": "lengths only: time as at sea"}
 _RULE_COLOURS = {"froude": unit(BLUE), "length_only": unit(VERMILION)}
@@ -32,7 +31,7 @@ _RULE_COLOURS = {"froude": unit(BLUE), "length_only": unit(VERMILION)}
 
 def plot_case(path: Path, t_s: Array, deck: Array, wind_in_ned_mps: Array) -> None:
     """The deck's motion (N, 6) [m, deg] and the wind over it (N, 3) as a PNG; DataError when it cannot be written."""
-    with drawn(path, (10.0, 11.0), _DPI) as figure:
+    with drawn(path, (10.0, 11.0)) as figure:
         axes = figure.subplots(7, 1, sharex=True)
         for index, name in enumerate(DOF_NAMES):
             axes[index].plot(t_s, deck[:, index], color=unit(BLUE))
@@ -52,7 +51,7 @@ def plot_headings(path: Path, panels: Mapping[str, Mapping[str, tuple[Array, Arr
     `panels`: heading → time rule → times (N,) and motion (N, 6) [m, deg]; `limit` (6,) likewise. DataError when the PNG
     cannot be written.
     """
-    with drawn(path, (13.0, 11.0), _DPI) as figure:
+    with drawn(path, (13.0, 11.0)) as figure:
         axes = figure.subplots(6, len(panels), sharex=True, sharey="row", squeeze=False)
         for column, (heading, rules) in enumerate(panels.items()):
             axes[0, column].set_title(f"waves from {heading}")

@@ -32,7 +32,6 @@ RISE = 0.08
 LEAST_SHOWN_PX = 56.0
 """Least side of the part of the picture that is shown; else so many times the target's width:"""
 SURROUNDINGS = 3.0
-_DPI = 80
 
 
 @dataclass(frozen=True)
@@ -86,7 +85,7 @@ def plot_detections(path: Path, seen: dict[str, list[Seen]]) -> None:
     """A row for each target, near to far, its surroundings at the camera's own pixels."""
     from matplotlib.patches import Rectangle
 
-    with drawn(path, (12.0, 5.4), _DPI, grid=False) as figure:
+    with drawn(path, (12.0, 5.4), grid=False) as figure:
         rows = figure.subplots(len(seen), len(DISTANCES_M), squeeze=False)
         for axes_of, (kind, all_of) in zip(rows, seen.items(), strict=True):
             for axes, distance_m, each in zip(axes_of, DISTANCES_M, all_of, strict=True):

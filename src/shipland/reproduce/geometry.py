@@ -28,7 +28,6 @@ VALUES = 3 * (4 + 1 + 1)
 """A cell's: three anchors, each four offsets, one confidence, one class (erratum 17)."""
 _PART_CELLS = 12
 """Of a grid whose cells are larger than the target, so many are shown."""
-_DPI = 80
 
 
 def width_px(size_m: float, distance_m: float, focal_px: float) -> float:
@@ -60,7 +59,7 @@ def distance_size(path: Path, scenario: Scenario) -> str:
 def plot_distance_size(path: Path, camera: Camera, rig: Rig) -> None:
     """Width in pixels against distance, and the two readings of a full-size ship's range (erratum 5)."""
     least_px = width_px(rig.platform_width_m, SHIP_RANGE_M, camera.focal_px)
-    with drawn(path, (9.5, 4.6), _DPI) as figure:
+    with drawn(path, (9.5, 4.6)) as figure:
         axes = figure.add_subplot()
         distances_m = np.geomspace(5.0, 60000.0, 200)
         for name, size_m, colour, reach_m in (
@@ -102,7 +101,7 @@ def plot_yolo_grid(path: Path, camera: Camera, rig: Rig) -> None:
     from matplotlib.patches import Rectangle
 
     side_px, focal_px = INPUTS_PX[0], camera.focal_px
-    with drawn(path, (11.0, 4.2), _DPI, grid=False) as figure:
+    with drawn(path, (11.0, 4.2), grid=False) as figure:
         panels = figure.subplots(1, 3)
         for axes, stride, distance_m in zip(panels, STRIDES, (10.0, 50.0, SHIP_RANGE_M), strict=True):
             wide = width_px(rig.platform_width_m, distance_m, focal_px)

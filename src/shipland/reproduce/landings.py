@@ -32,7 +32,6 @@ FROM = ("start.distance_m=100", "start.height_m=12", "ship.course.start_s=10")
 """Far enough that the ship turns during the approach; from 10 s on."""
 PUBLISHED_RUNS = 50
 MOTIONS = {"rig-sea6": "frigate, sea state 6", "rig-natops": "NATOPS limits"}
-_DPI = 80
 
 
 def courses(path: Path, _: Scenario) -> str:
@@ -60,7 +59,7 @@ def courses(path: Path, _: Scenario) -> str:
 
 def plot_courses(path: Path, logs: Sequence[FlightLog], landings: Sequence[Landing], rig: Rig) -> None:
     """A flight on each course from above, and where all flights first touched the deck."""
-    with drawn(path, (12.0, 8.0), _DPI) as figure:
+    with drawn(path, (12.0, 8.0)) as figure:
         *panels, pad = figure.subplots(2, 2).ravel()
         for axes, log, words in zip(panels, logs, COURSES.values(), strict=False):
             draw_above(axes, log, tracks_of(log))

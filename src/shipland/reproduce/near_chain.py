@@ -34,7 +34,6 @@ RANGE_M, OFF_AXIS_DEG = 4.0, 20.0
 NOISE = 20.0
 """Of the sensor, in grey levels, and dim light, so that the gate leaves specks and voids as the paper's did."""
 EXPOSURE_EV = -1.6
-_DPI = 80
 
 
 @dataclass(frozen=True)
@@ -124,7 +123,7 @@ def plot_near_chain(path: Path, steps: ChainSteps) -> None:
     shown = _shown(steps)
     extent = (shown.left - 0.5, shown.right - 0.5, shown.bottom - 0.5, shown.top - 0.5)
     picture = np.ascontiguousarray(shown.of(steps.picture)[:, :, ::-1])
-    with drawn(path, (12.0, 3.0), _DPI, grid=False) as figure:
+    with drawn(path, (12.0, 3.0), grid=False) as figure:
         panels = figure.subplots(2, 4).ravel()
         masks = (("gate", steps.gated), ("opening", steps.opened), ("closing", steps.closed))
         for axes, (title, mask) in zip(panels[1:4], masks, strict=True):

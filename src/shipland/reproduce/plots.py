@@ -19,7 +19,6 @@ from shipland.reproduce.ranges import FarCase, FarTrace
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_DPI = 80
 _READING_COLOURS: dict[FarVariant, Rgb] = {"saturating": BLUE, "growing": VERMILION, "printed": GREY}
 _FAR_COLOURS: dict[str, Rgb] = {
     "P": GREEN,
@@ -34,7 +33,7 @@ _NEAR_COLOURS: tuple[Rgb, ...] = (VERMILION, GREEN, BLUE)
 
 def plot_roll_law(path: Path, ship: FarParameters, match_px: float) -> None:
     """Roll stick against the box's distance from the picture's middle, in three readings [Lee2022, Eq. 3]."""
-    with drawn(path, (9.0, 4.2), _DPI) as figure:
+    with drawn(path, (9.0, 4.2)) as figure:
         panels = figure.subplots(1, 2)
         for axes, reach_px in zip(panels, (200.0, 40.0), strict=True):
             errors_px = np.linspace(-reach_px, reach_px, 401)
@@ -53,7 +52,7 @@ def plot_roll_law(path: Path, ship: FarParameters, match_px: float) -> None:
 
 def plot_derivative_gain(path: Path, near: NearParameters) -> None:
     """K_D against the error's step in 0.03 s [Lee2022, Eq. 5, Table 2], and the linear derivative's."""
-    with drawn(path, (9.0, 4.0), _DPI) as figure:
+    with drawn(path, (9.0, 4.0)) as figure:
         metres, degrees = figure.subplots(1, 2)
         for name, colour in (("pitch", BLUE), ("roll", VERMILION), ("heave", GREEN)):
             _draw_gain(metres, getattr(near, name), 0.16, name, colour)
@@ -77,7 +76,7 @@ def _draw_gain(axes: Axes, gains: NearGains, reach: float, name: str, colour: Rg
 
 def plot_far_steps(path: Path, columns: Mapping[str, Mapping[str, FarTrace]]) -> None:
     """Sideways and vertical errors and their sticks over time, a column a case and a curve a control."""
-    with drawn(path, (11.0, 9.0), _DPI) as figure:
+    with drawn(path, (11.0, 9.0)) as figure:
         panels = figure.subplots(4, len(columns), sharex=True, sharey="row", squeeze=False)
         titles = ("sideways error [px]", "roll stick [%]", "vertical error [px]", "heave stick [%]")
         for column, (case, traces) in enumerate(columns.items()):
@@ -98,7 +97,7 @@ def plot_far_steps(path: Path, columns: Mapping[str, Mapping[str, FarTrace]]) ->
 
 def plot_readings(path: Path, flights: Mapping[FarCase, Mapping[FarVariant, FarTrace]], bar_ahead_m: float) -> None:
     """Approaches from above: distance from the ship's axis over range; one panel a case, one curve a reading."""
-    with drawn(path, (11.0, 2.6 * len(flights) + 0.4), _DPI) as figure:
+    with drawn(path, (11.0, 2.6 * len(flights) + 0.4)) as figure:
         panels = figure.subplots(len(flights), 1, squeeze=False)[:, 0]
         for axes, (case, traces) in zip(panels, flights.items(), strict=True):
             for variant, trace in traces.items():
@@ -116,7 +115,7 @@ def plot_readings(path: Path, flights: Mapping[FarCase, Mapping[FarVariant, FarT
 
 def plot_near(path: Path, traces: Mapping[str, NearTrace]) -> None:
     """Roll stick and place of a hover with a false estimate [Lee2022, §Close-range Tracking Controller]."""
-    with drawn(path, (10.0, 7.6), _DPI) as figure:
+    with drawn(path, (10.0, 7.6)) as figure:
         whole, near, place = figure.subplots(3, 1)
         for (name, trace), colour in zip(traces.items(), _NEAR_COLOURS, strict=True):
             for axes in (whole, near):

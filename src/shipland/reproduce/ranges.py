@@ -70,7 +70,6 @@ class FarTrace:
         sticks_percent: (n, 4) pitch, roll, heave, yaw, after the safety.
         place_in_ship_m: (n, 3) forward, starboard, down.
         heading_deg: (n,) true.
-        reason: why it ended.
     """
 
     t_s: Array
@@ -80,7 +79,6 @@ class FarTrace:
     sticks_percent: Array
     place_in_ship_m: Array
     heading_deg: Array
-    reason: str
 
 
 class TrueBoxes:
@@ -194,11 +192,11 @@ def fly_far(case: FarCase, overlay: dict[str, Any] | None = None) -> FarTrace:
     lens_in_body_m = np.array(scenario.camera.position_in_body_m)
     safety = Safety(scenario.safety, scenario.rig, vehicle.camera, lens_in_body_m, response_of(scenario))
     autonomy = Autonomy(eyes, pilot, safety, scenario.delays)
-    result = fly(vehicle, autonomy, case.duration_s, lambda: 0.0, records.append)
-    return _trace(records, scenario, vehicle.camera, result.reason)
+    fly(vehicle, autonomy, case.duration_s, lambda: 0.0, records.append)
+    return _trace(records, scenario, vehicle.camera)
 
 
-def _trace(records: list[FlightRecord], scenario: Scenario, camera: Camera, reason: str) -> FarTrace:
+def _trace(records: list[FlightRecord], scenario: Scenario, camera: Camera) -> FarTrace:
     rig, silent_px = scenario.rig, np.zeros(4)
     ship_m, bar_m = ship_points_in_ship_m(rig), bar_points_in_bar_m(rig)
     rows = []
@@ -218,5 +216,5 @@ def _trace(records: list[FlightRecord], scenario: Scenario, camera: Camera, reas
         rows.append((truth.t_s, *off, on_bar, *command.sticks_percent, *place_m, heading_deg))
     table = np.array(rows, dtype=float).reshape(-1, 13)
     return FarTrace(
-        table[:, 0], table[:, 1:3], table[:, 3], table[:, 4] > 0.0, table[:, 5:9], table[:, 9:12], table[:, 12], reason
+        table[:, 0], table[:, 1:3], table[:, 3], table[:, 4] > 0.0, table[:, 5:9], table[:, 9:12], table[:, 12]
     )

@@ -55,14 +55,8 @@ class LearnArguments:
     def __post_init__(self) -> None:
         positive(minutes=self.minutes, rate=self.rate)
         at_least(0, seed=self.seed)
-        at_least(
-            1,
-            batch=self.batch,
-            hidden=self.hidden,
-            environments=self.environments,
-            steps=self.steps,
-            flights=self.flights,
-        )
+        at_least(1, batch=self.batch, hidden=self.hidden, flights=self.flights)
+        at_least(1, environments=self.environments, steps=self.steps)
 
     @property
     def bound(self) -> float:
