@@ -62,11 +62,9 @@ class Campaign(CampaignOptions):
         found, stopped = self.flown(self._campaign)
         print((self.out / "tables.md").read_text(encoding="utf-8"), end="")
         picture = "landings.png" if installed("plots") else "(no landings.png: pip install 'shipland[plots]')"
-        print(
-            f"{self.out}: tables.md, flights.csv, and for each cell a folder with landings.csv, table.md, {picture} "
-            f"and logs; one page of all: shipland report {shlex.quote(str(self.out))}",
-            file=sys.stderr,
-        )
+        files = f"tables.md, flights.csv, and for each cell a folder with landings.csv, table.md, {picture} and logs"
+        page = f"one page of all: shipland report {shlex.quote(str(self.out))}"
+        print(f"{self.out}: {files}; {page}", file=sys.stderr)
         return 130 if stopped else int(found.left > 0)
 
     def _campaign(self, workers: int) -> campaigns.Campaign:

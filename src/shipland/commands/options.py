@@ -14,7 +14,7 @@ import tyro
 from shipland.errors import ConfigError
 
 if TYPE_CHECKING:
-    from shipland.learning.ship_and_camera import ShipAndCamera
+    from shipland.learning.shot import ShipAndCamera
     from shipland.scenario.scenario import Scenario
 
 Log = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]
@@ -83,7 +83,7 @@ class CampaignOptions:
 
 def ship_and_camera_of(scenario: str | None) -> ShipAndCamera:
     """Ship and camera of a scenario's name or TOML file, to draw pictures of; the packaged ones for None."""
-    from shipland.learning.ship_and_camera import ShipAndCamera
+    from shipland.learning.shot import ShipAndCamera
     from shipland.scenario.scenario import load_scenario
 
     if scenario is None:

@@ -56,10 +56,8 @@ class Replay(ScenarioOptions):
         if written:
             print(f"written: {', '.join(written)}", file=sys.stderr)
         if not recording.complete:
-            cycles = len(recording.records)
-            print(
-                f"shipland: {self.recording} breaks off: {cycles} cycles read, the log was not closed", file=sys.stderr
-            )
+            how = f"{len(recording.records)} cycles read, the log was not closed"
+            print(f"shipland: {self.recording} breaks off: {how}", file=sys.stderr)
         return 0 if recording.complete else 1
 
     def _replayed(self, recording: Recording) -> list[Pair]:

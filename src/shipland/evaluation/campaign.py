@@ -43,15 +43,12 @@ Executor = Callable[[Iterable[FlightJob], Keep, Lose], Iterator[tuple[FlightJob,
 
 @dataclass(frozen=True)
 class CampaignPlan:
-    """The flights to fly, and the folder of their results.
+    """The flights to fly, of every cell with the seeds in this order, and the folder of their results.
 
     Attributes:
-        cells: lines of the table.
-        seeds: flown in every cell, in this order.
         out: folder; made when missing. CELL/landings.csv hold the rows, CELL/flights/SEED.mcap the logs of those that
             did not land in the square, cells.json what was asked for. None: the rows stay in memory.
         suite: name and version; empty for a grid of the command line.
-        command: command line to write down.
         logs: keep the log of every flight.
         counts: of a cell that flies fewer than all seeds, by its name, how many of the first.
     """
@@ -221,14 +218,10 @@ def _processor() -> str:
 
 @dataclass(frozen=True)
 class CellResult:
-    """The landings of one cell in a folder.
+    """The landings of one cell in a folder, in order of their seeds; its names as of `Cell` and `CampaignPlan`.
 
     Attributes:
-        name, group, suite, pilot, vision: as of `Cell` and `CampaignPlan`.
-        settings: (key, value) pairs.
-        scenario: its name.
         rig, ship, airframe: what a landing is judged by, read back from what was flown.
-        landings: in order of their seeds.
         logs: the folder with the logs of failures, for links; None without one.
         version: of the code that flew it; empty where that is not known.
     """

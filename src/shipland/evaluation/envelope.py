@@ -8,7 +8,6 @@ the wanted share lands and the next at which it does not.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -19,6 +18,7 @@ import numpy as np
 from shipland.errors import ConfigError
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.suite import Cell
+from shipland.evaluation.tables import causes_in_words
 from shipland.evaluation.tally import Tally
 from shipland.scenario.scenario import Scenario, load_scenario
 from shipland.scenario.seeds import generators_of
@@ -47,11 +47,9 @@ class EnvelopeGrid:
     """What is flown, and where more.
 
     Attributes:
-        winds_kn: wind over deck speeds to begin with, increasing.
-        directions_deg: that it comes from, clockwise off the bow.
+        winds_kn, directions_deg: wind over deck to begin with, speeds increasing; it comes from there, off the bow.
         rate: share of flights that must land.
-        runs: flights of a cell to begin with.
-        most: flights of a cell on the border.
+        runs, most: flights of a cell to begin with, and on the border.
         finest_kn: speeds on either side of the border are halved until they are this near.
     """
 
@@ -211,14 +209,13 @@ def figures(scenario: Scenario, landings: Sequence[Landing], rate: float) -> dic
     for name in ("sink_mps", "slide_mps", "tilt_deg"):
         values = [getattr(it, name) for it in touched]
         row |= {name: _quantile(values, 0.5), f"{name}_90": _quantile(values, 0.9)}
-    causes = Counter(it.cause for it in landings if it.cause)
     turns = [(abs(it.deck_roll_deg), abs(it.deck_pitch_deg)) for it in touched]
     return row | {
         "limit_use_90": _quantile([limit_use(it, limits) for it in touched], 0.9),
         "deck_roll_deg": max((roll for roll, _ in turns), default=None),
         "deck_pitch_deg": max((pitch for _, pitch in turns), default=None),
         "beyond_natops": sum(roll > NATOPS_ROLL_DEG or pitch > NATOPS_PITCH_DEG for roll, pitch in turns),
-        "causes": ", ".join(f"{n} {cause}" for cause, n in causes.most_common()),
+        "causes": causes_in_words(landings),
     }
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -15,7 +14,7 @@ from shipland.errors import ConfigError, DataError
 from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.oracle import OracleRate, oracle_rate
-from shipland.evaluation.tables import by_seed, markdown, median, pair_up
+from shipland.evaluation.tables import by_seed, causes_in_words, markdown, median, pair_up
 from shipland.evaluation.tally import Tally
 from shipland.files import json_bytes, json_of, read_text, write_atomically
 from shipland.rig import Rig, area_of
@@ -79,7 +78,6 @@ def leaderboard(cells: Sequence[CellResult], oracle_rates: dict[str, OracleRate]
         rests = sum(rests_in_area(it, cell.rig) for it in landings)
         errors_cm = 100.0 * np.array([it.error_m for it in touched])
         own_cm = 100.0 * np.array([np.hypot(it.control_forward_m, it.control_starboard_m) for it in touched])
-        causes = Counter(it.cause for it in landings if it.cause)
         yield " | ".join(
             [
                 f"| {cell.scenario}",
@@ -98,7 +96,7 @@ def leaderboard(cells: Sequence[CellResult], oracle_rates: dict[str, OracleRate]
                 _quantile(own_cm, 0.5, rng),
                 median([it.sink_mps for it in touched], 2),
                 median([it.time_s for it in touched], 0),
-                f"{', '.join(f'{count} {cause}' for cause, count in causes.most_common())} |",
+                f"{causes_in_words(landings)} |",
             ]
         )
     fixed = {pair for cell in cells for pair in cell.settings if pair[0] not in keys}
@@ -145,10 +143,7 @@ def pilot_pairings(cells: Sequence[CellResult]) -> Pairings:
 
 
 def campaign_pairings(first: Sequence[CellResult], second: Sequence[CellResult]) -> Pairings:
-    """The same cells of two campaigns, seed by seed; of two with one pilot each, whoever that is.
-
-    ConfigError where they have none in common.
-    """
+    """The cells of both campaigns seed by seed, of one pilot each whoever that is; ConfigError where there are none."""
     one_pilot_each = all(len({cell.pilot for cell in cells}) == 1 for cells in (first, second))
     ours, theirs = ({cell.group if one_pilot_each else cell.name: cell for cell in cells} for cells in (first, second))
     common = [name for name in ours if name in theirs]

@@ -57,12 +57,10 @@ class Suite:
 
 @dataclass(frozen=True)
 class Cell:
-    """One scenario with one value of every setting, flown by one pilot.
+    """One scenario with one value of every setting, flown by one pilot; both names as `factories.resolve` takes them.
 
     Attributes:
-        scenario: everything flown, but for pilot, vision and seed.
         settings: (key, value) pairs laid over the packaged scenario.
-        pilot, vision: as `factories.resolve` takes them.
         group: scenario and settings in a word: cells of one group differ in the pilot and fly the same seeds.
         name: group and pilot; also the cell's folder.
     """

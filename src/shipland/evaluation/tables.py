@@ -84,6 +84,12 @@ def causes_table(landings: Sequence[Landing]) -> str:
     return markdown(("cause", "flights"), causes.most_common())
 
 
+def causes_in_words(landings: Sequence[Landing]) -> str:
+    """How often each cause was told, the most frequent first."""
+    causes = Counter(landing.cause for landing in landings if landing.cause)
+    return ", ".join(f"{count} {cause}" for cause, count in causes.most_common())
+
+
 def modes_table(landings: Sequence[Landing]) -> str:
     """Time in each mode, its share of all flight time, and how many flights were ever in it."""
     total_s = sum(getattr(landing.phases, name) for landing in landings for name in _PHASE_NAMES)

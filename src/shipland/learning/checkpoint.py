@@ -22,14 +22,11 @@ class Progress:
     """Where a run stands.
 
     Attributes:
-        step: optimiser steps done.
-        best: best validation score so far.
-        since_best: evaluations since then.
+        step, best, since_best: optimiser steps done, best validation score so far, and evaluations since then.
         hard: places that fooled the detector in the last round: number of the picture, column and row [px].
         history: one row an evaluation.
         losses: step and running means of the loss's parts (box, objectness, class), every few steps.
-        seconds: time spent on training.
-        run: what must stay the same when it is resumed, by name.
+        seconds, run: time spent on training, and what must stay the same when it is resumed, by name.
     """
 
     step: int = 0

@@ -37,7 +37,6 @@ class Sample:
     """One labelled picture.
 
     Attributes:
-        path: the picture.
         boxes: (n,5) rows (class, centre x, centre y, width, height), fractions of the picture.
         scene: what is known of how it was made (range, weather …), from `scenes.jsonl`; empty otherwise.
     """

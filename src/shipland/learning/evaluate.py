@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -26,9 +27,8 @@ from shipland.learning.arguments import EvaluateArguments
 from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.looks import LEAST_CONFIDENCE, Look, edges_of, looks_at
 from shipland.learning.metrics import COCO_IOUS, Tally
-from shipland.learning.ranges import BoxRow, RangeTable, SceneRecord, SureBox, markdown, range_table, summary
-from shipland.learning.ship_and_camera import ShipAndCamera
-from shipland.learning.shot import Shot
+from shipland.learning.ranges import BoxRow, RangeBin, RangeTable, SceneRecord, SureBox, markdown, range_table, summary
+from shipland.learning.shot import ShipAndCamera, Shot
 from shipland.learning.shots import Span, SynthParameters, draw_scene, draw_shot
 from shipland.learning.synth import FRAME_S, compressed, draw, in_workers, jpeg_quality, synth_parameters
 from shipland.messages import Box, Frame, GimbalAttitude
@@ -148,7 +148,8 @@ def evaluate(arguments: EvaluateArguments, drawn: ShipAndCamera | None = None) -
         tuple(look.path.name for look in looks if look.above(confidence).missed),
         looks,
     )
-    kept = {name: value for name, value in asdict(replace(result, looks=())).items() if name != "looks"}
+    kept = asdict(replace(result, looks=()))
+    del kept["looks"]
     write_atomically(arguments.out / "evaluation.json", json.dumps(kept, indent=1).encode())
     write_atomically(arguments.out / "table.md", result.text().encode())
     if tables:
@@ -254,12 +255,8 @@ def fresh_records(
 def _claim(arguments: EvaluateArguments, drawn: ShipAndCamera) -> dict[int, SceneRecord]:
     """Records that are there already; DataError when they come from other arguments."""
     out = arguments.out
-    wanted = {
-        "weights": arguments.weights or arguments.kind,
-        "kind": arguments.kind,
-        "seed": arguments.seed,
-        "frames": arguments.frames,
-    } | drawn.note()
+    wanted: dict[str, object] = {"weights": arguments.weights or arguments.kind}
+    wanted |= {name: getattr(arguments, name) for name in ("kind", "seed", "frames")} | drawn.note()
     claim(out / "evaluate.json", wanted, "an evaluation")
     lines = out / "scenes.jsonl"
     if not lines.is_file():
@@ -285,15 +282,9 @@ def look_at_scenes(
     if detector is None:
         detector = _detector(arguments, settings)
     scene_parameters, waves = draw_scene(numbers[0] // synth.pictures_per_scene, synth, arguments.seed)
-    scene = Scene(rig, scene_parameters, np.random.default_rng(waves))
-    try:
-        shots = [
-            draw_shot(number, arguments.kind, scene_parameters, camera, rig, synth, arguments.seed)
-            for number in numbers
-        ]
+    with closing(Scene(rig, scene_parameters, np.random.default_rng(waves))) as scene:
+        shots = [draw_shot(it, arguments.kind, scene_parameters, camera, rig, synth, arguments.seed) for it in numbers]
         return [_look(shot, scene, camera, rig, synth, detector, settings, arguments) for shot in shots]
-    finally:
-        scene.close()
 
 
 class _FirstLook(Detector):
@@ -320,18 +311,14 @@ def _look(
     settings: DetectorParameters,
     arguments: EvaluateArguments,
 ) -> SceneRecord:
-    detector = _FirstLook(detector)
-    far = FarVision(
-        detector if shot.kind == "ship" else None, detector if shot.kind == "bar" else None, camera, settings, rig
-    )
-    quality = jpeg_quality(shot, synth)
-    first: BoxRow | None = None
-    boxes: tuple[SureBox, ...] = ()
-    believed: list[tuple[BoxRow | None, SureBox | None]] = []
-    kept: list[tuple[SureBox, ...]] = []
-    frames = arguments.frames
-    heights_m = reported_heights_m(shot, frames)
-    for number in range(max(frames, 1)):
+    detector, quality = _FirstLook(detector), jpeg_quality(shot, synth)
+    of_ship, of_bar = (detector if shot.kind == kind else None for kind in ("ship", "bar"))
+    far = FarVision(of_ship, of_bar, camera, settings, rig)
+    targets: list[BoxRow | None] = []
+    believed: list[SureBox | None] = []
+    found: list[tuple[SureBox, ...]] = []
+    heights_m = reported_heights_m(shot, arguments.frames)
+    for number in range(arguments.frames):
         t_s = FRAME_S * number
         drawn, edges = draw(shot, t_s, scene, camera, rig, synth)
         picture = compressed(drawn, quality)
@@ -340,29 +327,19 @@ def _look(
         if target is None and not shot.empty:
             # What is cut off by the picture's edge, or seen too flat, is neither a target nor counted as false.
             partly = target_box(shot.kind, shot.at(t_s, rig), camera, rig, _LEAST_SEEN, 0.0)
-        if number == 0:
-            first = target
-            boxes = tuple(row for row in _rows(detector.detect(picture, LEAST_CONFIDENCE)) if not _over(row, partly))
-        if arguments.keep_boxes:
-            found = detector.detect(picture, LEAST_CONFIDENCE)
-            kept.append(tuple(row for row in _rows(found) if not _over(row, partly)))
-        if frames > 0:
-            gimbal = GimbalAttitude(shot.roll_rad, shot.pitch_rad)
-            seen = far.see(Frame(t_s, picture, gimbal, heights_m[number]))
-            box = seen.ship_box if shot.kind == "ship" else seen.bar_box
-            row = None if box is None else _rows([box])[0]
-            believed.append((target, None if row is None or _over(row, partly) else row))
+        targets.append(target)
+        if number == 0 or arguments.keep_boxes:
+            rows = map(edges_of, detector.detect(picture, LEAST_CONFIDENCE))
+            found.append(tuple(row for row in rows if not _over(row, partly)))
+        gimbal = GimbalAttitude(shot.roll_rad, shot.pitch_rad)
+        seen = far.see(Frame(t_s, picture, gimbal, heights_m[number]))
+        box = seen.ship_box if shot.kind == "ship" else seen.bar_box
+        row = None if box is None else edges_of(box)
+        believed.append(None if row is None or _over(row, partly) else row)
+    pairs, kept = tuple(zip(targets, believed, strict=True)), tuple(found) if arguments.keep_boxes else ()
+    angles, decoys = (shot.roll_rad, shot.pitch_rad), len(shot.decoys)
     return SceneRecord(
-        shot.number,
-        shot.range_m,
-        shot.visibility_m,
-        len(shot.decoys),
-        first,
-        boxes,
-        tuple(believed),
-        (shot.roll_rad, shot.pitch_rad),
-        tuple(kept),
-        heights_m,
+        shot.number, shot.range_m, shot.visibility_m, decoys, targets[0], found[0], pairs, angles, kept, heights_m
     )
 
 
@@ -378,10 +355,6 @@ def _row(edges: NearestBox) -> BoxRow:
     return (0.5 * (left + right), 0.5 * (top + bottom), right - left, bottom - top)
 
 
-def _rows(boxes: Sequence[Box]) -> list[SureBox]:
-    return [edges_of(box) for box in boxes]
-
-
 def _over(box: SureBox, edges: NearestBox | None) -> bool:
     if edges is None:
         return False
@@ -392,29 +365,25 @@ def plot_recall(path: Path, tables: dict[str, RangeTable], kind: str) -> None:
     """Recall with its intervals, precision, and the boxes' errors over range, as a picture."""
     with drawn(path, (13.0, 3.8), 110) as figure:
         left, centre, right = figure.subplots(1, 3)
-        colours = {"all": "#444444", "clear": "#1f77b4", "haze": "#d98a1f"}
+        colours = {"clear": "#1f77b4", "haze": "#d98a1f"}
         for name, table in tables.items():
             bins = [item for item in table.bins if item.scenes]
-            middle = [0.5 * (item.low_m + item.high_m) for item in bins]
-            if name in ("clear", "haze"):
-                colour, tracked = colours[name], any(np.isfinite(item.confirmed) for item in bins)
-                low = [max(item.recall - item.recall_low, 0.0) for item in bins]
-                high = [max(item.recall_high - item.recall, 0.0) for item in bins]
-                recall = [item.recall for item in bins]
-                left.errorbar(middle, recall, (low, high), color=colour, capsize=2, label=f"{name}, one frame")
-                centre.plot(middle, [item.precision for item in bins], color=colour, label=f"{name}, one frame")
-                if tracked:
-                    left.plot(middle, [item.confirmed for item in bins], ":", color=colour, label=f"{name}, believed")
-                    believed = [item.believed_precision for item in bins]
-                    centre.plot(middle, believed, ":", color=colour, label=f"{name}, believed")
+            of = {field: np.array([getattr(item, field) for item in bins]) for field in RangeBin.__dataclass_fields__}
+            middle = 0.5 * (of["low_m"] + of["high_m"])
+            if name in colours:
+                style = {"color": colours[name], "label": f"{name}, one frame"}
+                errors = np.maximum((of["recall"] - of["recall_low"], of["recall_high"] - of["recall"]), 0.0)
+                left.errorbar(middle, of["recall"], errors, capsize=2, **style)
+                centre.plot(middle, of["precision"], **style)
+                if np.isfinite(of["confirmed"]).any():
+                    style = {"color": colours[name], "label": f"{name}, believed", "linestyle": ":"}
+                    left.plot(middle, of["confirmed"], **style)
+                    centre.plot(middle, of["believed_precision"], **style)
             elif name == "all":
-                right.plot(middle, [item.centre_px for item in bins], color="#1f77b4", label="centre, median [px]")
-                right.plot(
-                    middle, [item.centre_95_px for item in bins], "--", color="#1f77b4", label="centre, 95 % [px]"
-                )
-                right.plot(middle, [10.0 * item.area_std for item in bins], color="#b5446e", label="area, std [10 %]")
-        left.set(xlabel=f"range of the {kind} [m]", ylabel="recall", ylim=(0.0, 1.02))
-        centre.set(xlabel=f"range of the {kind} [m]", ylabel="precision", ylim=(0.0, 1.02))
-        right.set(xlabel=f"range of the {kind} [m]", ylabel="error of the box", ylim=(0.0, None))
-        for axes in (left, centre, right):
+                right.plot(middle, of["centre_px"], color="#1f77b4", label="centre, median [px]")
+                right.plot(middle, of["centre_95_px"], "--", color="#1f77b4", label="centre, 95 % [px]")
+                right.plot(middle, 10.0 * of["area_std"], color="#b5446e", label="area, std [10 %]")
+        limits = {"recall": 1.02, "precision": 1.02, "error of the box": None}
+        for axes, (what, most) in zip((left, centre, right), limits.items(), strict=True):
+            axes.set(xlabel=f"range of the {kind} [m]", ylabel=what, ylim=(0.0, most))
             axes.legend(frameon=False, fontsize=8)

@@ -53,19 +53,14 @@ def looks_at(detector: Detector, dataset: Dataset, tallies: Sequence[Tally]) -> 
     """What the detector sees in every picture of a set, counted in every tally; the first one judges the boxes."""
     for sample in followed(dataset.samples, "pictures", len(dataset.samples)):
         picture, targets = sample.load()
-        rows = np.array([edges_of(box) for box in detector.detect(picture, LEAST_CONFIDENCE)], np.float32).reshape(
-            -1, 5
-        )
+        found = [edges_of(box) for box in detector.detect(picture, LEAST_CONFIDENCE)]
+        rows = np.array(found, np.float32).reshape(-1, 5)
         verdict, *_ = [tally.add(rows[:, :4], rows[:, 4], targets) for tally in tallies]
         yield Look(sample.path, sample.scene, rows[:, :4], rows[:, 4], targets, verdict)
 
 
 def edges_of(box: Box) -> tuple[float, float, float, float, float]:
     """A box and its confidence, with pixel edges at whole numbers as labels have them."""
-    return (
-        round(box.centre_px[0] + PIXEL_CENTRE, 3),
-        round(box.centre_px[1] + PIXEL_CENTRE, 3),
-        round(box.size_px[0], 3),
-        round(box.size_px[1], 3),
-        round(box.confidence, 4),
-    )
+    (column, row), (wide, high) = box.centre_px, box.size_px
+    centre = round(column + PIXEL_CENTRE, 3), round(row + PIXEL_CENTRE, 3)
+    return *centre, round(wide, 3), round(high, 3), round(box.confidence, 4)

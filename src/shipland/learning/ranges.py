@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from shipland.config import build
 from shipland.errors import ConfigError, DataError
@@ -21,7 +20,6 @@ BoxRow = tuple[float, float, float, float]
 """Centre column, centre row, width, height [px, edges at whole numbers]."""
 SureBox = tuple[float, float, float, float, float]
 """A box and its confidence."""
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -29,9 +27,7 @@ class SceneRecord:
     """One scene: what was there and what was said.
 
     Attributes:
-        number: of the scene.
         range_m: distance from the camera to the target's centre; as drawn, for an empty scene.
-        visibility_m: of the scene's air.
         decoys: number of things in sight that are not the target.
         target: the target's box in the first frame; None where it is not to be seen.
         boxes: all boxes of the first frame, down to a low confidence.

@@ -101,28 +101,23 @@ def model_card(trained: Trained) -> str:
     progress, fitting, held_out = trained.progress, trained.parts.fitting, trained.parts.held_out
     best = max(progress.history, key=lambda row: row["average_precision"], default=None)
     folders = " ".join(path.name for path in arguments.data)
-    lines = [
-        f"# Detector: {', '.join(spec.classes)}",
-        "",
-        f"- Network: YOLOv3, width ×{spec.width:g}, {parameter_count(network.layers) / 1e6:.2f} M parameters, "
-        f"{flop_count(network.layers, 416, 416) / 1e9:.2f} GFLOP at 416 × 416; {spec.decoding.value} decoding",
-        f"- Anchors [px]: {', '.join(f'{w:g} × {h:g}' for scale in spec.anchors_px for w, h in scale)}",
-        f"- Data: {folders}: {len(fitting.samples)} pictures to train on, {len(held_out.samples)} held out "
-        f"({trained.parts.how})",
-        f"- Training: profile {arguments.profile}, seed {arguments.seed}, batch {parameters.batch}, "
-        f"window {parameters.window_px} px, best after {progress.step} of {parameters.steps} steps",
-    ]
+    figures, files = "", ", `detector-int8.onnx` (8-bit, static, per channel)" * bool(parameters.calibration_pictures)
     if best is not None:
-        lines.append(
+        figures = (
             f"- Held out: average precision {best['average_precision']:.3f} at IoU {parameters.match_iou:g}, "
-            f"recall {best['recall']:.3f} at that IoU and confidence 0.5"
+            f"recall {best['recall']:.3f} at that IoU and confidence 0.5\n"
         )
     if trained.parts.warning:
-        lines.append(f"- WARNING: {trained.parts.warning}")
-    lines += [
-        "- Files: `detector.onnx` (16-bit weights)"
-        + (", `detector-int8.onnx` (8-bit, static, per channel)" if parameters.calibration_pictures else ""),
-        "- Limits: it knows what its data show; measure it on yours with `shipland evaluate`.",
-        "",
-    ]
-    return "\n".join(lines)
+        figures += f"- WARNING: {trained.parts.warning}\n"
+    return (
+        f"# Detector: {', '.join(spec.classes)}\n\n"
+        f"- Network: YOLOv3, width ×{spec.width:g}, {parameter_count(network.layers) / 1e6:.2f} M parameters, "
+        f"{flop_count(network.layers, 416, 416) / 1e9:.2f} GFLOP at 416 × 416; {spec.decoding.value} decoding\n"
+        f"- Anchors [px]: {', '.join(f'{w:g} × {h:g}' for scale in spec.anchors_px for w, h in scale)}\n"
+        f"- Data: {folders}: {len(fitting.samples)} pictures to train on, {len(held_out.samples)} held out "
+        f"({trained.parts.how})\n"
+        f"- Training: profile {arguments.profile}, seed {arguments.seed}, batch {parameters.batch}, "
+        f"window {parameters.window_px} px, best after {progress.step} of {parameters.steps} steps\n"
+        f"{figures}- Files: `detector.onnx` (16-bit weights){files}\n"
+        "- Limits: it knows what its data show; measure it on yours with `shipland evaluate`.\n"
+    )

@@ -1,4 +1,4 @@
-"""One drawn situation: where camera, ship and decoys are, and where the target lies in the picture."""
+"""What pictures are of: a ship and a camera, and a drawn situation, where camera, ship and decoys are."""
 
 from __future__ import annotations
 
@@ -7,10 +7,29 @@ from typing import Any
 
 import numpy as np
 
+from shipland.camera import CameraParameters
 from shipland.frames import CAMERA_FROM_MOUNT, Array, Pose, rotation_from_euler
 from shipland.learning.decoys import Decoy
 from shipland.rig import Rig
 from shipland.sim.state import SceneState
+
+
+@dataclass(frozen=True)
+class ShipAndCamera:
+    """A ship, the camera that sees it, and the name of the scenario of both; None for the packaged ones."""
+
+    name: str | None
+    rig: Rig
+    camera: CameraParameters
+
+    @staticmethod
+    def packaged() -> ShipAndCamera:
+        """The rig and the camera of the packaged configuration."""
+        return ShipAndCamera(None, Rig(), CameraParameters())
+
+    def note(self) -> dict[str, object]:
+        """What a folder's note tells of it, so that two ships are not mixed in one; nothing of the packaged ones."""
+        return {} if self.name is None else {"scenario": self.name}
 
 
 @dataclass(frozen=True)
@@ -53,13 +72,10 @@ class Shot:
 
     def at(self, t_s: float, rig: Rig) -> SceneState:
         """Poses `t_s` seconds after the first frame."""
-        rotation = (
-            rotation_from_euler(self.roll_rad, self.pitch_rad, self.heading_rad + self.heading_rate_rad_s * t_s)
-            @ CAMERA_FROM_MOUNT.T
-        )
-        ship = Pose.from_euler(
-            self.ship_position_in_ned_m + t_s * self.ship_velocity_in_ned_mps, 0.0, 0.0, self.ship_heading_rad
-        )
+        heading_rad = self.heading_rad + self.heading_rate_rad_s * t_s
+        rotation = rotation_from_euler(self.roll_rad, self.pitch_rad, heading_rad) @ CAMERA_FROM_MOUNT.T
+        ship_m = self.ship_position_in_ned_m + t_s * self.ship_velocity_in_ned_mps
+        ship = Pose.from_euler(ship_m, 0.0, 0.0, self.ship_heading_rad)
         wave = self.deck_amplitude * np.sin(self.deck_phase_rad + t_s)
         deck = ship @ Pose.from_euler(wave[:3], wave[3], wave[4], wave[5])
         camera = Pose(rotation, self.position_in_ned_m + t_s * self.velocity_in_ned_mps)

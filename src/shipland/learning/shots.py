@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -209,14 +209,8 @@ def _decoys(
     camera_from_ned = state.ned_from_camera.inverse()
     box = None if shot.empty else target_box("ship", state, camera, rig, 0.01, 0.0)
     found: list[Decoy] = []
-    kinds: tuple[tuple[DecoyKind, float], ...] = (
-        ("vessel", parameters.vessels),
-        ("buoy", parameters.buoys),
-        ("bird", parameters.birds),
-        ("green", parameters.greens),
-    )
-    for kind, mean in kinds:
-        for _ in range(int(rng.poisson(mean))):
+    for kind in get_args(DecoyKind):
+        for _ in range(int(rng.poisson(getattr(parameters, f"{kind}s")))):
             decoy = _decoy(kind, shot, camera, rng)
             around = foot_box_px(decoy, camera, camera_from_ned)
             if around is None or (box is not None and _overlap(around, box)):

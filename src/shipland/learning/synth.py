@@ -28,8 +28,7 @@ from shipland.learning.arguments import SynthArguments
 from shipland.learning.dataset import coco_table, read_dataset
 from shipland.learning.decoys import foot_box_px, paint
 from shipland.learning.sensor import degrade
-from shipland.learning.ship_and_camera import ShipAndCamera
-from shipland.learning.shot import Shot
+from shipland.learning.shot import ShipAndCamera, Shot
 from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
 from shipland.progress import followed
 from shipland.rig import Rig

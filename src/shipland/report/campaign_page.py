@@ -153,6 +153,13 @@ def _share(landings: Sequence[Landing], series: int, words: str) -> Share:
     return Share(series, tally.share, *tally.interval, f"{words}: {tally.landed} of {tally.flights}, {share}")
 
 
+_FIGURES = (
+    ("error_m", 100, 0.5, 1), ("error_m", 100, 0.9, 1), ("sink_mps", 1, 0.5, 2), ("slide_mps", 1, 0.5, 2),
+    ("tilt_deg", 1, 0.5, 1), ("slip_m", 100, 0.5, 1), ("time_s", 1, 0.5, 0),
+)  # fmt: skip
+"""Of touchdowns: which figure, factor on it, quantile, digits."""
+
+
 def _pilots(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
     area = area_of(cell.rig for cell in cells)
     head = ["pilot", "flights", f"in the {area}", "95 % interval", "at rest in it", "on its feet", "error median [cm]",
@@ -163,25 +170,14 @@ def _pilots(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
         mine = [(it, cell.rig) for cell in cells if cell.pilot == pilot for it in cell.landings]
         landings = [it for it, _ in mine]
         touched = [it for it in landings if it.touched]
-        tally = Tally.of(landings)
-        rows.append(
-            [
-                pilot,
-                str(tally.flights),
-                tally.share_text(),
-                tally.interval_text(),
-                str(sum(rests_in_area(it, rig) for it, rig in mine)),
-                str(sum(it.landed for it in landings)),
-                quantile([100 * it.error_m for it in touched], 0.5, 1),
-                quantile([100 * it.error_m for it in touched], 0.9, 1),
-                quantile([it.sink_mps for it in touched], 0.5, 2),
-                quantile([it.slide_mps for it in touched], 0.5, 2),
-                quantile([it.tilt_deg for it in touched], 0.5, 1),
-                quantile([100 * it.slip_m for it in touched], 0.5, 1),
-                quantile([it.time_s for it in touched], 0.5, 0),
-                quantile([it.step_percent for it in landings], 1.0, 0),
-            ]
-        )
+        tally, rests = Tally.of(landings), sum(rests_in_area(it, rig) for it, rig in mine)
+        upright = sum(it.landed for it in landings)
+        counts = [str(tally.flights), tally.share_text(), tally.interval_text(), str(rests), str(upright)]
+        figures = [
+            quantile([factor * getattr(it, name) for it in touched], share, digits)
+            for name, factor, share, digits in _FIGURES
+        ]
+        rows.append([pilot, *counts, *figures, quantile([it.step_percent for it in landings], 1.0, 0)])
     return html_table(head, rows, first_number=1)
 
 

@@ -61,10 +61,7 @@ class Setting:
 
 
 def scenario_settings(source: str | Path, config: Path | None = None, changes: Iterable[str] = ()) -> list[Setting]:
-    """Every key of a scenario's configuration under a file and texts `section.key=value`, a section's together.
-
-    ConfigError names what is wrong.
-    """
+    """Every key of a scenario's configuration under a file and changes, a section's together; ConfigError else."""
     layers = scenario_layers(source, config, changes)
     table: dict[str, Any] = {}
     for layer in layers:

@@ -51,10 +51,7 @@ def limits_of(scenario: Scenario) -> list[dict[str, Any]]:
 
 
 def write_envelopes(out: Path, envelopes: Sequence[Envelope], command: str, picture: bool) -> str:
-    """Write envelope.json, envelope.md and, with `picture`, envelope.png; the text of envelope.md.
-
-    DataError or OSError where they cannot be written.
-    """
+    """Write envelope.json, envelope.md and, with `picture`, envelope.png; the text of envelope.md, or a DataError."""
     table = {"note": NO_RELEASE, "command": command, "ratings": RATINGS, "envelopes": list(map(_table, envelopes))}
     write_atomically(out / "envelope.json", json_bytes(table))
     pages = [f"**{NO_RELEASE}**"]

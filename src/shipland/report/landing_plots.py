@@ -56,12 +56,7 @@ class Touchdowns:
 
 @dataclass(frozen=True)
 class DeckTrace:
-    """The deck's motion that the landings met.
-
-    Attributes:
-        t_s: (m,) increasing.
-        displacement: (m, 6) forward, starboard, down [m], roll, pitch, yaw [rad].
-    """
+    """The deck's motion that was met at (m,) times: (m, 6) forward, starboard, down [m], roll, pitch, yaw [rad]."""
 
     t_s: Array
     displacement: Array
@@ -181,10 +176,7 @@ def plot_instants(path: Path, trace: DeckTrace, touchdowns: Touchdowns, title: s
 
 
 def write_campaign(folder: Path, cell: Cell, landings: Sequence[Landing]) -> None:
-    """Write `table.md` and, with the extra `plots`, `landings.png` and, of one motion for all, `instants.png`.
-
-    DataError where one of them cannot be written.
-    """
+    """Write `table.md` and, with `plots`, `landings.png` and, of one motion, `instants.png`; or a DataError."""
     scenario, area = cell.scenario, cell.scenario.rig.landing_area
     tables = [landings_table(landings, area), causes_table(landings), modes_table(landings)]
     tables.append(rules_table(landings, scenario.rig))

@@ -43,10 +43,7 @@ class _Flight:
     """One log's cycles, n of them.
 
     Attributes:
-        success: landed, and in the square.
-        t_s: (n,) exposure times.
-        state: (n,48) flat observations.
-        action: (n,4) sticks sent, -1 … 1.
+        t_s, state, action: (n,) exposure times, (n,48) flat observations, (n,4) sticks sent, -1 … 1.
         pictured: the cycle of each picture in the log.
         shape: of a picture, with even sides as H.264 wants them; zeros without one.
     """

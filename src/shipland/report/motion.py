@@ -104,12 +104,9 @@ class Traces:
 
 @dataclass(frozen=True)
 class Statistics:
-    """One degree of freedom over a long record, in m or deg.
+    """One degree of freedom over a long record [m or deg]: significant amplitude, mean period, largest excursion.
 
-    Attributes:
-        significant: significant single amplitude, twice the standard deviation.
-        period_s: mean period between upward zero crossings; NaN where there are fewer than two.
-        largest: largest excursion.
+    The period is between upward zero crossings; NaN where there are fewer than two.
     """
 
     significant: float

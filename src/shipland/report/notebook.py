@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import quote
@@ -12,7 +11,7 @@ import cv2
 import numpy as np
 
 from shipland.evaluation.campaign import CellResult
-from shipland.evaluation.tables import median
+from shipland.evaluation.tables import causes_in_words, median
 from shipland.evaluation.tally import Tally
 from shipland.extras import installed
 from shipland.figures import png_of
@@ -65,12 +64,9 @@ def campaign_html(words: str, cells: Sequence[CellResult]) -> str:
     area = area_of(cell.rig for cell in cells)
     rows = []
     for cell in cells:
-        tally = Tally.of(cell.landings)
-        causes = Counter(landing.cause for landing in cell.landings if landing.cause).most_common()
-        error = median([100.0 * landing.error_m for landing in cell.landings], 1)
-        words_of_causes = ", ".join(f"{count} {cause}" for cause, count in causes)
+        tally, error = Tally.of(cell.landings), median([100.0 * landing.error_m for landing in cell.landings], 1)
         landed = f"{tally.landed} of {tally.flights}"
-        rows.append((cell.name, landed, tally.interval_text(), error, words_of_causes))
+        rows.append((cell.name, landed, tally.interval_text(), error, causes_in_words(cell.landings)))
     head = ("cell", f"landed in the {area}", "95 % interval", "error median [cm]", "causes")
     shown = ""
     if installed("plots"):

@@ -273,10 +273,7 @@ def draw_footprint(axes: Axes, place_in_deck_m: Array, yaw_rad: float, diagonal_
 
 
 def smooth(t_s: Array, values: Array) -> tuple[Array, Array]:
-    """Times and values (n,) of a motion, with a cubic spline between the slow cycles of a detector.
-
-    Unchanged where a value is not known.
-    """
+    """Times and values (n,) of a motion, splined between a detector's slow cycles; as they are where one is unknown."""
     if len(t_s) < 3 or not np.isfinite(values).all() or np.diff(t_s).min() <= 0.0 or np.diff(t_s).max() <= _STEP_S:
         return t_s, values
     dense_s = np.union1d(t_s, np.arange(t_s[0], t_s[-1], _STEP_S))

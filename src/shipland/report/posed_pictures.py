@@ -39,10 +39,7 @@ _ANGLES = ("roll_rad", "pitch_rad", "yaw_rad")
 
 
 def pack_pictures(logs: Mapping[str, Path], path: Path) -> list[dict[str, Any]]:
-    """Write the pictures of logs, by their names, as FLIGHT/NUMBER.png; a row each, with "" for unknown.
-
-    DataError where no log keeps pictures.
-    """
+    """Write the pictures of logs as FLIGHT/NUMBER.png; a row each, with "" for unknown; DataError without any."""
     rows = []
     with replacing(path) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_STORED) as packed:  # a PNG is compressed
         for flight, log in logs.items():

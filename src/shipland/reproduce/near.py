@@ -41,14 +41,12 @@ CONTROLS: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class NearTrace:
-    """A hover.
+    """A hover, at (n,) exposure times.
 
     Attributes:
-        t_s: (n,) exposure times.
         right_m: (n,) true position right of the landing point.
         seen_right_m: (n,) the same as the vision has it, noise and false estimate included; NaN without a pose.
-        law_percent: (n,) roll stick of the law.
-        sent_percent: (n,) roll stick after the safety's slew bound.
+        law_percent, sent_percent: (n,) roll stick of the law, and after the safety's slew bound.
     """
 
     t_s: Array

@@ -60,10 +60,9 @@ class FarCase:
 
 @dataclass(frozen=True)
 class FarTrace:
-    """What happened.
+    """What happened, at (n,) exposure times.
 
     Attributes:
-        t_s: (n,) exposure times.
         off_px: (n, 2) true position of the target's box right of and below its setpoint.
         area_px2: (n,) of the target's true box.
         on_bar: (n,) the bar was flown on.
