@@ -39,13 +39,7 @@ OPSET = 17
 IR_VERSION = 9
 
 
-def onnx_bytes(
-    layers: Sequence[Layer],
-    weights: Sequence[ConvWeights],
-    spec: DetectorSpec,
-    *,
-    half: bool,
-) -> bytes:
+def onnx_bytes(layers: Sequence[Layer], weights: Sequence[ConvWeights], spec: DetectorSpec, *, half: bool) -> bytes:
     """The network as an ONNX file's bytes; `half` keeps 16-bit weights, arithmetic is the runtime's choice."""
     onnx = _onnx()
     helper, numpy_helper = onnx.helper, onnx.numpy_helper
@@ -125,12 +119,7 @@ def onnx_bytes(
 
 
 def write_onnx(
-    path: Path,
-    layers: Sequence[Layer],
-    weights: Sequence[ConvWeights],
-    spec: DetectorSpec,
-    *,
-    half: bool = True,
+    path: Path, layers: Sequence[Layer], weights: Sequence[ConvWeights], spec: DetectorSpec, *, half: bool = True
 ) -> None:
     """Write the network as ONNX, whole or not at all, with its digest."""
     write_with_digest(path, onnx_bytes(layers, weights, spec, half=half))

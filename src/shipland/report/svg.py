@@ -21,13 +21,7 @@ def colour_of(index: int) -> str:
 
 @dataclass(frozen=True)
 class Share:
-    """One share with its interval.
-
-    Attributes:
-        series: index of its colour.
-        share, low, high: 0…1.
-        words: shown on pointing at it.
-    """
+    """One share with its interval, 0…1, the index of its colour, and the words that are shown on pointing at it."""
 
     series: int
     share: float

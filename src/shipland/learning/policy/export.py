@@ -18,13 +18,7 @@ ACTIONS = 2
 
 
 class Dense(NamedTuple):
-    """A layer: activation(weight @ x + bias).
-
-    Attributes:
-        weight: (outputs, inputs).
-        bias: (outputs,).
-        activation: by ONNX's name.
-    """
+    """A layer, activation(weight @ x + bias): (outputs, inputs) and (outputs,), its activation by ONNX's name."""
 
     weight: npt.NDArray[np.float32]
     bias: npt.NDArray[np.float32]
