@@ -99,7 +99,8 @@ _OF_THE_FLIER = ("description", "vision", "detector", "selector", "guidance", "s
 
 
 _ADDED: dict[str, tuple[tuple[str, Any], ...]] = {
-    "rig": (("landing_area", "square"), ("hull", "platform"), ("house_length_m", None)),
+    "rig": (("landing_area", "square"), ("hull", "platform"), ("house_length_m", None), ("status_light_m", 0.0)),
+    "ship": (("waves_off_s", []),),
     "scene": (("wake", 0.0),),
     "fault_draw": (("size", None), ("direction_in_level", None)),
 }
