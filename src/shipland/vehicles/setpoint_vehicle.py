@@ -17,6 +17,7 @@ from shipland.vehicles.camera_stream import CameraStream, PictureSource
 from shipland.vehicles.pace import First, Pace
 from shipland.vehicles.parameters import SetpointParameters
 from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
+from shipland.vehicles.wanted import HeadingSetPoint
 
 _REMEMBERED = 64
 """Given frames whose truth is kept."""
@@ -39,6 +40,7 @@ class SetpointVehicle(ABC):
         self._engaged = self._closed = False
         self._end_reason = ""
         self._gimbal_s = -math.inf
+        self._heading = HeadingSetPoint()
 
     @property
     def end_reason(self) -> str:

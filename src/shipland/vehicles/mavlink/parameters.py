@@ -10,7 +10,6 @@ from typing import Literal
 from shipland.config import build, key, parameters, require
 from shipland.errors import VehicleError
 from shipland.guidance.response import Response
-from shipland.vehicles.mavlink.setpoints import ClimbScale
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4
 from shipland.vehicles.pace import First
 from shipland.vehicles.parameters import SetpointParameters
@@ -160,20 +159,6 @@ class VehicleLimits:
             hold_after_s=values.get("GUID_TIMEOUT", math.nan),
             velocity_reference="surface" if values.get("EK3_SRC1_VELXY") == _OPTICAL_FLOW else "ground",
         )
-
-    @property
-    def climb_scale(self) -> ClimbScale:
-        """What thrust means to an ArduPilot.
-
-        Raises:
-            VehicleError: it did not say how fast it climbs and sinks.
-        """
-        if not (0.0 < self.up_mps < math.inf and 0.0 < self.down_mps < math.inf):
-            raise VehicleError(
-                "the vehicle did not say its largest climb and sink rate (WPNAV_SPEED_UP, WPNAV_SPEED_DN); "
-                "without them thrust has no meaning"
-            )
-        return ClimbScale(self.up_mps, self.down_mps)
 
 
 def response_within(

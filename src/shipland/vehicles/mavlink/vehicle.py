@@ -34,7 +34,7 @@ from shipland.vehicles.mavlink.parameters import (
 )
 from shipland.vehicles.mavlink.publish import Mounting, tell
 from shipland.vehicles.mavlink.session import Session
-from shipland.vehicles.mavlink.setpoints import AttitudeTarget, velocity_message
+from shipland.vehicles.mavlink.setpoints import AUTOPILOT, attitude_message, thrust_of, velocity_message
 from shipland.vehicles.mavlink.setup import MavlinkSetup, open_session
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
 from shipland.vehicles.mavlink.taking import Taking
@@ -120,9 +120,6 @@ class MavlinkVehicle(SetpointVehicle):
             self._taking = Taking(session, self._control, parameters, lambda: self._closed)
             self._motors = MotorStop(session, parameters, self._setup.touchdown, hover)
             self._press_mps = min(self._setup.touchdown.press_mps, limits.down_mps)
-            self._tilts = None
-            if self._response.kind == "attitude":
-                self._tilts = AttitudeTarget(limits.climb_scale, session.target)
             hz, gap_s, silence_s = parameters.setpoint_hz, parameters.setpoint_gap_s, parameters.link_timeout_s
             session.link.watch(session.guard_orders(hz, gap_s, silence_s))
             self._start_stream(self._setup.source)
@@ -154,7 +151,9 @@ class MavlinkVehicle(SetpointVehicle):
             self._end("the flight was ended here; the vehicle holds")
             if self._control.answers_for(session.state):
                 self._control.released = True
-                session.link.send(velocity_message(HOLD, session.target, int(1e3 * time.monotonic()) & 0xFFFFFFFF))
+                session.link.send(
+                    velocity_message(HOLD, session.link.vehicle, int(1e3 * time.monotonic()) & 0xFFFFFFFF)
+                )
                 session.ask_hold(self._control.answers_for)
             until_s = time.monotonic() + 3.0 * _HAND_OVER_S
             while self._control.by_sticks and time.monotonic() < until_s:
@@ -286,14 +285,16 @@ class MavlinkVehicle(SetpointVehicle):
         return self._control.has(state) and (self._engaged or state.autopilot == PX4)
 
     def _set_point(self, wanted: Wanted, state: AutopilotState, step_s: float, boot_ms: int) -> None:
-        session = self.session
-        by_speed = wanted.hold and state.mode != GUIDED_NOGPS
-        if self._tilts is None or by_speed or not math.isfinite(state.heading_rad):
-            if self._tilts is not None:
-                self._tilts.rest()
-            session.link.send(velocity_message(wanted, session.target, boot_ms))
-        else:
-            session.link.send(self._tilts.message(wanted, state.heading_rad, step_s, boot_ms))
+        link, limits = self.session.link, self._limits
+        assert limits is not None  # connected
+        by_speed = self.response().kind == "velocity" or (wanted.hold and state.mode != GUIDED_NOGPS)
+        if by_speed or not math.isfinite(state.heading_rad):
+            self._heading.rest()
+            link.send(velocity_message(wanted, link.vehicle, boot_ms))
+            return
+        to_rad = self._heading.next_rad(wanted.turn_rad_s, state.heading_rad, step_s)
+        thrust = thrust_of(wanted.climb_mps, limits.up_mps, limits.down_mps)
+        link.send(attitude_message(wanted, to_rad, thrust, link.vehicle, boot_ms))
 
     def _let_it_land(self, landing: bool, state: AutopilotState, now_s: float) -> None:
         """Ask for the autopilot's own landing while the pilot lands; until it is given, the pilot's goes on."""
@@ -309,11 +310,11 @@ class MavlinkVehicle(SetpointVehicle):
             self._turn_camera(command.gimbal_pitch_rad)
 
     def _turn_camera(self, pitch_rad: float) -> None:
-        target, nan = self.session.target, math.nan
+        link, nan = self.session.link, math.nan
         # roll and pitch against the horizon, yaw with the aircraft
-        self.session.link.send(
+        link.send(
             dialect.MAVLink_gimbal_manager_set_pitchyaw_message(
-                target.system, target.component, 4 | 8, 0, pitch_rad, 0.0, nan, nan
+                link.vehicle, AUTOPILOT, 4 | 8, 0, pitch_rad, 0.0, nan, nan
             )
         )
 

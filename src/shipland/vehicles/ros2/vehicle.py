@@ -30,7 +30,7 @@ from shipland.vehicles.ros2.telling import Telling
 from shipland.vehicles.ros2.types import message
 from shipland.vehicles.setpoint_vehicle import SetpointVehicle
 from shipland.vehicles.vehicle import Vehicle
-from shipland.vehicles.wanted import HOLD, HeadingSetPoint, Wanted, wanted_of
+from shipland.vehicles.wanted import HOLD, Wanted, wanted_of
 
 _LOOK_S = 0.2
 """How often a stop is looked for while waiting."""
@@ -51,7 +51,6 @@ class Ros2Vehicle(SetpointVehicle):
         self._source: PictureSource = self._topic if setup.frames is None else setup.frames
         self._node: Node | None = None
         self._telling: Telling | None = None
-        self._heading = HeadingSetPoint()
 
     # What the loop sees
 
