@@ -23,9 +23,8 @@ from shipland.guidance.modes import INTENTS
 from shipland.messages import Intent, Mode, PilotCommand, Telemetry
 from shipland.stopping import stop_requests
 from shipland.vehicles.address import Address, VehicleSetup, vehicle_table
-from shipland.vehicles.anafi.factory import anafi
 from shipland.vehicles.anafi.records import merged, moment_of, sticks_of, with_moment
-from shipland.vehicles.anafi.vehicle import AnafiVehicle
+from shipland.vehicles.anafi.vehicle import AnafiVehicle, anafi
 from shipland.vehicles.gimbal import gimbal_at
 from waiting import until
 

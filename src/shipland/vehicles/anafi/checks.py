@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from shipland.vehicles.anafi.parameters import AnafiParameters
+from shipland.vehicles.anafi.setup import AnafiParameters
 from shipland.vehicles.checks import Check, PreflightParameters
 
 

@@ -7,8 +7,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -20,14 +19,15 @@ from shipland.errors import VehicleError
 from shipland.guidance.response import Response
 from shipland.messages import Frame, Intent, PilotCommand, Telemetry
 from shipland.stopping import check_stop, uninterrupted
+from shipland.vehicles.address import VehicleSetup
 from shipland.vehicles.anafi.checks import AnafiState, anafi_checks
-from shipland.vehicles.anafi.parameters import AnafiParameters
 from shipland.vehicles.anafi.process import AnafiProcess
 from shipland.vehicles.anafi.records import finite, gimbal_of, merged, moment_of, sticks_of, with_moment
+from shipland.vehicles.anafi.setup import AnafiSetup
 from shipland.vehicles.camera_stream import ExposureClock, StreamedPicture
-from shipland.vehicles.checks import Check, PreflightParameters
+from shipland.vehicles.checks import Check
 from shipland.vehicles.gimbal import gimbal_at
-from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
+from shipland.vehicles.vehicle import LONGEST_WAIT_S, Vehicle, unless_late
 
 _GIMBAL_S = 0.1
 _LOOK_S = 0.1
@@ -40,29 +40,6 @@ _AIRBORNE = ("hovering", "flying")
 _READINGS = 64
 """Readings of the gimbal that are kept: a dozen seconds of events."""
 _PLANES = {"I420": cv2.COLOR_YUV2BGR_I420, "NV12": cv2.COLOR_YUV2BGR_NV12}
-
-
-@dataclass(frozen=True)
-class AnafiSetup:
-    """What an ANAFI is flown with.
-
-    Attributes:
-        command: starts the far end, `end.py`.
-        camera: intrinsics.
-        parameters: see there.
-        preflight: what must be in order.
-        response: what full sticks mean.
-        take_off: whether it takes off by itself.
-        log: file for the records of both directions, or None.
-    """
-
-    command: list[str]
-    camera: Camera
-    parameters: AnafiParameters
-    preflight: PreflightParameters
-    response: Response
-    take_off: bool
-    log: Path | None
 
 
 class AnafiVehicle:
@@ -362,3 +339,8 @@ _WINDOW_S = 3.0
 def _rate_hz(times_s: deque[float]) -> float:
     late = [t_s for t_s in list(times_s) if t_s > time.monotonic() - _WINDOW_S]
     return (len(late) - 1) / (late[-1] - late[0]) if len(late) > 1 and late[-1] > late[0] else 0.0
+
+
+def anafi(setup: VehicleSetup) -> Vehicle:
+    """`anafi://192.168.42.1?python=/path/of/olympe/bin/python&stream=rtsp://192.168.42.1/live&takeoff=1`."""
+    return AnafiVehicle(AnafiSetup.of(setup))

@@ -12,7 +12,7 @@ from shipland.errors import VehicleError
 from shipland.guidance.response import Response
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4
 from shipland.vehicles.pace import First
-from shipland.vehicles.parameters import SetpointParameters
+from shipland.vehicles.parameters import SetpointParameters, measured
 
 
 @parameters
@@ -178,16 +178,7 @@ def response_within(
         ConfigError: the table is wrong.
     """
     kind = "velocity" if autopilot == PX4 else parameters.kind
-    lags = table.get(kind, {})
-    assert isinstance(lags, Mapping)
-    speeds = {"max_speed_mps": 0.0, "servo_per_s": 0.0}
-    if kind == "velocity":
-        speeds = {"max_speed_mps": min(parameters.max_speed_mps, limits.speed_mps)}
-    own = {
-        "kind": kind,
-        "max_tilt_rad": min(math.radians(parameters.max_tilt_deg), limits.tilt_rad),
-        "max_climb_mps": min(parameters.max_climb_mps, limits.up_mps, limits.down_mps),
-        "max_turn_rad_s": math.radians(parameters.max_turn_deg_s),
-    }
+    speed_mps, climb_mps = min(parameters.max_speed_mps, limits.speed_mps), min(limits.up_mps, limits.down_mps)
+    sticks = parameters.full_sticks(kind, tilt_rad=limits.tilt_rad, climb_mps=climb_mps, speed_mps=speed_mps)
     reference = {"velocity_reference": limits.velocity_reference}
-    return build(Response, {**reference, **dict(lags), **speeds, **own}, f"response.{kind}")
+    return build(Response, reference | measured(kind, table) | sticks, f"response.{kind}")

@@ -22,9 +22,8 @@ from shipland.vehicles.ros2.checks import ros2_checks
 from shipland.vehicles.ros2.conversions import attitude_message, gimbal_message, velocity_message
 from shipland.vehicles.ros2.dds import Node
 from shipland.vehicles.ros2.image_messages import camera_of
-from shipland.vehicles.ros2.parameters import Ros2Parameters
 from shipland.vehicles.ros2.pictures import TopicPictures, image_kind
-from shipland.vehicles.ros2.setup import OUR_TOPICS, Ros2Setup
+from shipland.vehicles.ros2.setup import OUR_TOPICS, Ros2Parameters, Ros2Setup
 from shipland.vehicles.ros2.state import Heard
 from shipland.vehicles.ros2.telling import Telling
 from shipland.vehicles.ros2.types import message
