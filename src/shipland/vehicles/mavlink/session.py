@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from shipland.errors import VehicleError
 from shipland.stopping import check_stop, sleep_or_stop
+from shipland.vehicles.gimbal import Reading
 from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
 from shipland.vehicles.mavlink.guard import Orders
 from shipland.vehicles.mavlink.link import LinkCounts, MavlinkLink
@@ -58,9 +59,6 @@ _MULTICOPTERS = {2, 3, 4, 13, 14, 15, 29, 35, 43}
 _PX4_VTOLS = set(range(19, 26))
 """MAV_TYPE; they hover, and PX4's modes are the same on all its vehicles."""
 
-History = list[tuple[float, float, float]]
-"""(time, roll, pitch), in order of time."""
-
 
 def _never() -> bool:
     return False
@@ -96,17 +94,17 @@ class Session:
         self.refused = 0
         """Sound messages with impossible values."""
         self._lock = threading.Lock()
-        self._attitudes: deque[tuple[float, float, float]] = deque(maxlen=_HISTORY)
-        self._mounts: deque[tuple[float, float, float]] = deque(maxlen=_HISTORY)
+        self._attitudes: deque[Reading] = deque(maxlen=_HISTORY)
+        self._mounts: deque[Reading] = deque(maxlen=_HISTORY)
 
     @property
-    def attitudes(self) -> History:
+    def attitudes(self) -> list[Reading]:
         """Attitudes of the body, as received so far."""
         with self._lock:
             return list(self._attitudes)
 
     @property
-    def mounts(self) -> History:
+    def mounts(self) -> list[Reading]:
         """Attitudes of the camera's mount against the horizon, as received so far."""
         with self._lock:
             return list(self._mounts)

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 from shipland.messages import GimbalAttitude, Telemetry
-from shipland.vehicles.gimbal import gimbal_at
+from shipland.vehicles.gimbal import Reading, gimbal_at
 from shipland.vehicles.ros2.conversions import gimbal_of, seconds, with_odometry
 from shipland.vehicles.ros2.pictures import ours_s
 
@@ -40,8 +40,8 @@ class Heard:
     def __init__(self) -> None:
         self._changed = threading.Condition()
         self._telemetry = Telemetry(0.0, None, None, None, None, None, None, None, flying=False)
-        self._attitudes: deque[tuple[float, float, float]] = deque(maxlen=_READINGS)
-        self._mounts: deque[tuple[float, float, float]] = deque(maxlen=_READINGS)
+        self._attitudes: deque[Reading] = deque(maxlen=_READINGS)
+        self._mounts: deque[Reading] = deque(maxlen=_READINGS)
         self._battery: tuple[float, float] | None = None
         self._state: Any = None
         self.state_s = -math.inf
