@@ -22,11 +22,11 @@ from shipland.stopping import check_stop, uninterrupted
 from shipland.vehicles.address import VehicleSetup
 from shipland.vehicles.anafi.checks import AnafiState, anafi_checks
 from shipland.vehicles.anafi.process import AnafiProcess
-from shipland.vehicles.anafi.records import finite, gimbal_of, merged, moment_of, sticks_of, with_moment
+from shipland.vehicles.anafi.records import finite, gimbal_of, merged, sticks_of, with_metadata
 from shipland.vehicles.anafi.setup import AnafiSetup
 from shipland.vehicles.camera_stream import ExposureClock, StreamedPicture
 from shipland.vehicles.checks import Check
-from shipland.vehicles.gimbal import gimbal_at
+from shipland.vehicles.gimbal import Reading, gimbal_at
 from shipland.vehicles.vehicle import LONGEST_WAIT_S, Vehicle, unless_late
 
 _GIMBAL_S = 0.1
@@ -50,7 +50,7 @@ class AnafiVehicle:
         self._process: AnafiProcess | None = None
         self._changed = threading.Condition()
         self._telemetry = Telemetry(0.0, None, None, None, None, None, None, None, flying=False)
-        self._gimbals: deque[tuple[float, float, float]] = deque(maxlen=_READINGS)
+        self._gimbals: deque[Reading] = deque(maxlen=_READINGS)
         self._limits: Mapping[str, float | None] | None = None
         self._shot: StreamedPicture | None = None
         self._clock = ExposureClock(self._parameters.latency_s)
@@ -315,12 +315,10 @@ class AnafiVehicle:
         gimbal = None
         if record.get("metadata"):
             try:
-                moment = moment_of(record["metadata"])
+                self._telemetry, gimbal = with_metadata(self._telemetry, record["metadata"], exposed_s)
             except (KeyError, ValueError, TypeError, OverflowError):
                 self._refused += 1
             else:
-                gimbal = moment.gimbal
-                self._telemetry = with_moment(self._telemetry, moment, exposed_s)
                 self._attitudes.append(arrived_s)
         self._pictures.append(arrived_s)
         self._late.append(arrived_s - exposed_s - self._parameters.latency_s)
