@@ -87,8 +87,7 @@ class Session:
         on_state: Callable[[AutopilotState, AutopilotState], None],
     ) -> None:
         self._on_state, self._key = on_state, key
-        self.link = MavlinkLink(port, system, component, self._take, key, log)
-        self.link.follow(vehicle)
+        self.link = MavlinkLink(port, system, component, vehicle, self._take, key, log)
         self.state = AutopilotState()
         """The newest; replaced as a whole by the receiving thread."""
         self.refused = 0

@@ -121,7 +121,7 @@ class MavlinkVehicle(SetpointVehicle):
             self._motors = MotorStop(session, parameters, self._setup.touchdown, hover)
             self._press_mps = min(self._setup.touchdown.press_mps, limits.down_mps)
             hz, gap_s, silence_s = parameters.setpoint_hz, parameters.setpoint_gap_s, parameters.link_timeout_s
-            session.link.watch(session.guard_orders(hz, gap_s, silence_s))
+            session.link.port.watch(session.guard_orders(hz, gap_s, silence_s))
             self._start_stream(self._setup.source)
             self._await_picture(self._setup.open_timeout_s, "it keeps silent")
             self._start_set_points("mavlink-set-points", parameters.goes_first)
@@ -158,7 +158,7 @@ class MavlinkVehicle(SetpointVehicle):
             until_s = time.monotonic() + 3.0 * _HAND_OVER_S
             while self._control.by_sticks and time.monotonic() < until_s:
                 time.sleep(0.02)  # the set-points' thread is asking for a mode that obeys the pilot
-            session.link.watch(None)
+            session.link.port.watch(None)
         self._stack.close()
 
     def checks(self) -> list[Check]:
@@ -202,10 +202,10 @@ class MavlinkVehicle(SetpointVehicle):
     def _end(self, reason: str) -> None:
         """No more frames; the first reason stands. Where control is still ours, set-points to hold go on."""
         if not self._end_reason:
-            link = self.session.link
-            self._end_reason = f"{reason}; {link.problem}" if link.problem else reason
+            port = self.session.link.port
+            self._end_reason = f"{reason}; {port.problem}" if port.problem else reason
             if self._control.lost:
-                link.watch(None)  # silence is meant from now on
+                port.watch(None)  # silence is meant from now on
             with self._lock:
                 self._command = None
 
