@@ -88,9 +88,9 @@ def test_times_of_messages_are_on_our_clock_and_jitter_is_not_in_them() -> None:
         errors.append(made.state.attitude_t_s - (100.0 + 0.02 * index))
     assert min(errors[50:]) >= 0.009
     assert max(errors[50:]) < 0.02
-    assert made.state.reboots == 0
+    assert made.state.clock.restarts == 0
     made.link.take(m.MAVLink_attitude_message(200, 0.1, 0.2, 0.3, 0, 0, 0).pack(codec), OURS, 120.0)
-    assert made.state.reboots == 1
+    assert made.state.clock.restarts == 1
     telemetry = telemetry_of(made.state, 121.0)
     assert telemetry.attitude_t_s == pytest.approx(120.0)
     assert telemetry.height_m is None
@@ -118,7 +118,7 @@ def test_another_components_messages_do_not_count() -> None:
         feed(made, m.MAVLink_attitude_message(10, 0.5, 0.5, 0.5, 0, 0, 0), 100.2, component=component)
         feed(made, heartbeat(5), 100.2, component=component)
         feed(made, m.MAVLink_rc_channels_message(10, 8, *[1900] * 18, 255), 100.2, component=component)
-    assert (made.state.reboots, made.state.mode, made.state.sticks_us) == (0, 4, ())
+    assert (made.state.clock.restarts, made.state.mode, made.state.sticks_us) == (0, 4, ())
     assert made.state.roll_rad == pytest.approx(0.1)
 
 
@@ -128,10 +128,10 @@ def test_a_gimbals_clock_is_its_own_and_the_first_gimbal_is_followed() -> None:
     feed(made, mount(2_000, -0.3), 100.1, component=154)
     feed(made, mount(9_000, 0.9), 100.2, component=171)
     feed(made, m.MAVLink_attitude_message(60_300, 0.1, 0.2, 0.3, 0, 0, 0), 100.3)
-    assert made.state.reboots == 0
+    assert made.state.clock.restarts == 0
     assert made.mounts == [(pytest.approx(100.1), 0.0, pytest.approx(-0.3))]
     feed(made, mount(5, -0.4), 101.0, component=154)  # the gimbal starts anew, and the autopilot does not
-    assert made.state.reboots == 0
+    assert made.state.clock.restarts == 0
     assert made.state.gimbal_t_s == pytest.approx(101.0)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from shipland.camera import level_from_camera
 from shipland.frames import FLU_FROM_FRD, Pose, rotation_from_euler
 from shipland.messages import BarPose, Box, GimbalAttitude, Observation
 from shipland.vehicles.ros2.conversions import CUE, flu, header, pose_message
-from shipland.vehicles.ros2.types import message
+from shipland.vehicles.ros2.types import Message, message
 
 _LEAST_STD_M, _LEAST_STD_RAD = 0.02, 0.01
 """Least standard deviations that are sent: an outlier that is believed costs more than a wait."""
@@ -19,7 +18,7 @@ _LEVEL_STD_RAD = 0.02
 """Standard deviation of roll and pitch, which are the gimbal's."""
 
 
-def cue_pose(pose: BarPose, t_s: float) -> Any:  # noqa: ANN401
+def cue_pose(pose: BarPose, t_s: float) -> Message:
     """geometry_msgs/PoseWithCovarianceStamped: the camera's place in `cue`, and its heading; level."""
     level = Pose(rotation_from_euler(0.0, 0.0, pose.yaw_rad), pose.position_in_bar_m)
     covariance = np.where(np.isfinite(pose.covariance), pose.covariance, 0.0)
@@ -43,7 +42,7 @@ def optical_from_cue(pose: BarPose, gimbal: GimbalAttitude) -> Pose:
     return Pose(camera_from_bar.rotation @ FLU_FROM_FRD, camera_from_bar.translation_m)
 
 
-def detections(observation: Observation, t_s: float, frame: str) -> Any:  # noqa: ANN401
+def detections(observation: Observation, t_s: float, frame: str) -> Message:
     """vision_msgs/Detection2DArray of the boxes, class ids `ship` and `bar`; empty where neither is seen."""
     seen = (("ship", observation.ship_box), ("bar", observation.bar_box))
     return message(
@@ -53,7 +52,7 @@ def detections(observation: Observation, t_s: float, frame: str) -> Any:  # noqa
     )
 
 
-def _detection(name: str, box: Box, t_s: float, frame: str) -> Any:  # noqa: ANN401
+def _detection(name: str, box: Box, t_s: float, frame: str) -> Message:
     centre = message("vision_msgs/msg/Point2D", x=float(box.centre_px[0]), y=float(box.centre_px[1]))
     hypothesis = message("vision_msgs/msg/ObjectHypothesis", class_id=name, score=float(box.confidence))
     return message(
@@ -69,7 +68,7 @@ def _detection(name: str, box: Box, t_s: float, frame: str) -> Any:  # noqa: ANN
     )
 
 
-def status(mode: str, reason: str, values: Mapping[str, str], t_s: float) -> Any:  # noqa: ANN401
+def status(mode: str, reason: str, values: Mapping[str, str], t_s: float) -> Message:
     """diagnostic_msgs/DiagnosticArray with one line: the mode, and why in words; a warning where there is no mode."""
     known = "diagnostic_msgs/msg"
     line = message(

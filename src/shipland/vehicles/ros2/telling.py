@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from shipland.frames import Array, Pose
 from shipland.messages import Decision, Observation
 from shipland.vehicles.ros2.conversions import CUE, DECK, flu, transform
 from shipland.vehicles.ros2.sight_messages import cue_pose, detections, optical_from_cue, status
-from shipland.vehicles.ros2.types import message
+from shipland.vehicles.ros2.types import Message, message
 
 _STATUS_S = 0.5
 """Longest time from one status to the next, changed or not."""
@@ -22,7 +22,7 @@ _STATUS_S = 0.5
 class Outlet(Protocol):
     """Where the messages of one topic go."""
 
-    def send(self, sent: Any, /) -> None:  # noqa: ANN401
+    def send(self, sent: Message, /) -> None:
         """A message."""
 
 
