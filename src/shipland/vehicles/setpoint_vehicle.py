@@ -13,6 +13,7 @@ from contextlib import ExitStack
 
 from shipland.errors import VehicleError
 from shipland.messages import Frame, GimbalAttitude, GroundTruth, PilotCommand, Telemetry, TouchdownVerdict
+from shipland.stopping import uninterrupted
 from shipland.vehicles.camera_stream import CameraStream, PictureSource
 from shipland.vehicles.pace import First, Pace
 from shipland.vehicles.parameters import SetpointParameters
@@ -37,7 +38,7 @@ class SetpointVehicle(ABC):
         self._pace: Pace | None = None
         self._lock = threading.Lock()
         self._command: tuple[PilotCommand, float] | None = None
-        self._engaged = self._closed = False
+        self._connected = self._engaged = self._closed = False
         self._end_reason = ""
         self._gimbal_s = -math.inf
         self._heading = HeadingSetPoint()
@@ -53,8 +54,8 @@ class SetpointVehicle(ABC):
         return [] if self._pace is None else list(self._pace.late_s)
 
     @abstractmethod
-    def connect(self) -> None:
-        """Link and camera, without taking control; once is enough. VehicleError when something does not answer."""
+    def _connect(self) -> None:
+        """Link and camera, without taking control; VehicleError when something does not answer."""
 
     @abstractmethod
     def _engage(self) -> None:
@@ -65,8 +66,8 @@ class SetpointVehicle(ABC):
         """The newest that has come, stamped with `t_s`."""
 
     @abstractmethod
-    def close(self) -> None:
-        """Leave the vehicle holding, where it is still ours, and let go of it; no signal cuts it short."""
+    def _leave(self) -> None:
+        """Leave the vehicle holding, where it is still ours, before the link is closed."""
 
     @abstractmethod
     def _gimbal_at(self, t_s: float) -> tuple[GimbalAttitude, float]:
@@ -75,6 +76,26 @@ class SetpointVehicle(ABC):
     @abstractmethod
     def _tick(self, step_s: float) -> None:
         """One turn of the set-points' thread, `step_s` after the last."""
+
+    def connect(self) -> None:
+        """Link and camera, without taking control; once is enough. VehicleError when something does not answer."""
+        if self._connected:
+            return
+        try:
+            self._connect()
+        except BaseException:
+            self._stack.close()
+            raise
+        self._connected = True
+
+    @uninterrupted()
+    def close(self) -> None:
+        """Leave the vehicle holding, where it is still ours, and let go of it; no signal cuts it short."""
+        if self._closed:
+            return
+        self._closed = True
+        self._leave()
+        self._stack.close()
 
     def open(self) -> None:
         """Connect, and take the vehicle as far as that was allowed; VehicleError when it does not come to us."""

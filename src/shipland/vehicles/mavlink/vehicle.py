@@ -15,7 +15,6 @@ from shipland.frames import Array
 from shipland.guidance.response import Response
 from shipland.messages import FlightRecord, GimbalAttitude, Intent, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
-from shipland.stopping import uninterrupted
 from shipland.vehicles.address import VehicleSetup
 from shipland.vehicles.checks import Check
 from shipland.vehicles.gimbal import gimbal_at
@@ -95,39 +94,28 @@ class MavlinkVehicle(SetpointVehicle):
             raise VehicleError("the vehicle is not connected")
         return self._session
 
-    def connect(self) -> None:
-        """Link, parameters and camera, without taking control; once is enough.
-
-        Raises:
-            VehicleError: something does not answer.
-        """
-        if self._session is not None:
-            return
+    def _connect(self) -> None:
         parameters = self._parameters
-        try:
-            session = self._session = open_session(self._setup, self._on_state)
-            self._stack.callback(session.link.close)
-            session.connect(parameters.connect_timeout_s)
-            autopilot = session.state.autopilot
-            values = session.read_parameters(
-                PX4_NAMES if autopilot == PX4 else ARDUPILOT_NAMES,
-                lambda found: not missing_parameters(autopilot, found),
-            )
-            limits = self._limits = VehicleLimits.of(autopilot, values)
-            self._told = values
-            self._response = response_within(parameters, limits, autopilot, self._setup.response_table)
-            hover = limits.hover_throttle or parameters.hover_throttle
-            self._taking = Taking(session, self._control, parameters, lambda: self._closed)
-            self._motors = MotorStop(session, parameters, self._setup.touchdown, hover)
-            self._press_mps = min(self._setup.touchdown.press_mps, limits.down_mps)
-            hz, gap_s, silence_s = parameters.setpoint_hz, parameters.setpoint_gap_s, parameters.link_timeout_s
-            session.link.port.watch(session.guard_orders(hz, gap_s, silence_s))
-            self._start_stream(self._setup.source)
-            self._await_picture(self._setup.open_timeout_s, "it keeps silent")
-            self._start_set_points("mavlink-set-points", parameters.goes_first)
-        except BaseException:
-            self._stack.close()
-            raise
+        session = self._session = open_session(self._setup, self._on_state)
+        self._stack.callback(session.link.close)
+        session.connect(parameters.connect_timeout_s)
+        autopilot = session.state.autopilot
+        values = session.read_parameters(
+            PX4_NAMES if autopilot == PX4 else ARDUPILOT_NAMES,
+            lambda found: not missing_parameters(autopilot, found),
+        )
+        limits = self._limits = VehicleLimits.of(autopilot, values)
+        self._told = values
+        self._response = response_within(parameters, limits, autopilot, self._setup.response_table)
+        hover = limits.hover_throttle or parameters.hover_throttle
+        self._taking = Taking(session, self._control, parameters, lambda: self._closed)
+        self._motors = MotorStop(session, parameters, self._setup.touchdown, hover)
+        self._press_mps = min(self._setup.touchdown.press_mps, limits.down_mps)
+        hz, gap_s, silence_s = parameters.setpoint_hz, parameters.setpoint_gap_s, parameters.link_timeout_s
+        session.link.port.watch(session.guard_orders(hz, gap_s, silence_s))
+        self._start_stream(self._setup.source)
+        self._await_picture(self._setup.open_timeout_s, "it keeps silent")
+        self._start_set_points("mavlink-set-points", parameters.goes_first)
 
     def _engage(self) -> None:
         self._opening = True
@@ -138,12 +126,7 @@ class MavlinkVehicle(SetpointVehicle):
         """The newest that has come, stamped with `t_s`."""
         return telemetry_of(self.session.state, t_s if math.isfinite(t_s) else time.monotonic())
 
-    @uninterrupted()
-    def close(self) -> None:
-        """Leave the vehicle holding, where it is still ours, and let go of it; no signal cuts it short."""
-        if self._closed:
-            return
-        self._closed = True
+    def _leave(self) -> None:
         with self._lock:
             self._command = None
         session = self._session
@@ -159,7 +142,6 @@ class MavlinkVehicle(SetpointVehicle):
             while self._control.by_sticks and time.monotonic() < until_s:
                 time.sleep(0.02)  # the set-points' thread is asking for a mode that obeys the pilot
             session.link.port.watch(None)
-        self._stack.close()
 
     def checks(self) -> list[Check]:
         """What of link, camera and vehicle is fit to fly; once connected."""
