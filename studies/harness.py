@@ -6,7 +6,6 @@ import ast
 import hashlib
 import importlib
 import json
-import os
 import platform
 import signal
 import threading
@@ -23,6 +22,7 @@ from rich.progress import Progress
 from shipland.files import write_atomically
 from shipland.statistics import Interval, share_interval
 from shipland.version import code_version
+from shipland.workers import die_with_parent
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"
@@ -171,14 +171,7 @@ def _measure(name: str, case: Case, runs: int) -> list[dict[str, Any]]:
 def _begin_worker() -> None:
     """Ctrl-C reaches the whole group and the parent alone answers it; without the parent a worker ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = parent_process()
-    assert parent is not None
-    parent.join()
-    os._exit(1)
+    threading.Thread(target=die_with_parent, args=(parent_process().sentinel,), daemon=True).start()
 
 
 def _rows_kept(path: Path, source: Mapping[str, str], runs: int) -> list[dict[str, Any]]:

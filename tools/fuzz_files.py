@@ -37,7 +37,7 @@ from shipland.record.reader import read_log
 from shipland.scenario.fly import flight_log, fly_quietly
 from shipland.scenario.scenario import load_scenario, scenario_table
 from shipland.vehicles.address import vehicle_table
-from shipland.vehicles.anafi.parameters import AnafiParameters
+from shipland.vehicles.anafi.setup import AnafiParameters
 from shipland.vehicles.checks import PreflightParameters
 from shipland.vehicles.mavlink.parameters import MavlinkParameters
 from shipland.vehicles.touchdown import TouchdownParameters

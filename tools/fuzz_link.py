@@ -15,7 +15,8 @@ from pymavlink.dialects.v20 import ardupilotmega as m
 from shipland.vehicles.mavlink.guard import Orders
 from shipland.vehicles.mavlink.link import LinkCounts
 from shipland.vehicles.mavlink.session import Session
-from shipland.vehicles.mavlink.setpoints import AttitudeTarget, ClimbScale, MavlinkTarget, Wanted
+from shipland.vehicles.mavlink.setpoints import attitude_message, thrust_of
+from shipland.vehicles.wanted import HeadingSetPoint, Wanted
 
 OURS, STRANGER = ("127.0.0.1", 5760), ("127.0.0.1", 6666)
 
@@ -100,9 +101,9 @@ def fuzz(count: int, seed: int) -> tuple[LinkCounts, int, list[bytes], bool]:
             data = rng.randbytes(rng.randint(1, 280))
         session.link.take(data, STRANGER if index % 10 == 0 else OURS, 1e-3 * index)
     state = session.state
-    tilts = AttitudeTarget(ClimbScale(2.5, 1.5), MavlinkTarget(1))
     heading_rad = state.heading_rad if state.heading_rad == state.heading_rad else 0.0
-    level = tilts.message(Wanted(0.0, 0.0, 0.0, 0.0), heading_rad, 0.02, 0)
+    to_rad = HeadingSetPoint().next_rad(0.0, heading_rad, 0.02)
+    level = attitude_message(Wanted(0.0, 0.0, 0.0, 0.0), to_rad, thrust_of(0.0, 2.5, 1.5), 1, 0)
     w, x, y, z = level.q
     sane = abs(w * w + x * x + y * y + z * z - 1.0) < 1e-6 and max(abs(x), abs(y)) < 1e-9 and level.thrust == 0.5
     return session.link.counts, session.refused, port.sent, sane

@@ -75,11 +75,11 @@ def page_tables(module: str) -> str:
     from shipland.learning.settings import PROFILES
     from shipland.learning.shots import SynthParameters
     from shipland.report.outputs import OutputParameters
-    from shipland.vehicles.anafi.parameters import AnafiParameters
+    from shipland.vehicles.anafi.setup import AnafiParameters
     from shipland.vehicles.camera_stream import StreamParameters
     from shipland.vehicles.checks import PreflightParameters
     from shipland.vehicles.mavlink.parameters import MavlinkParameters
-    from shipland.vehicles.ros2.parameters import Ros2Parameters
+    from shipland.vehicles.ros2.setup import Ros2Parameters
     from shipland.vehicles.touchdown import TouchdownParameters
 
     training = {f"train.{name}": profile for name, profile in PROFILES.items()}

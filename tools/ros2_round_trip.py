@@ -75,7 +75,7 @@ def example(kind: str) -> Any:  # noqa: ANN401
     """A message with numbers in it."""
     from shipland.vehicles.ros2 import conversions as ros
     from shipland.vehicles.ros2 import image_messages as images
-    from shipland.vehicles.ros2 import sight_messages as sights
+    from shipland.vehicles.ros2 import telling as sights
     from shipland.vehicles.ros2.types import message
 
     picture = np.random.default_rng(1).integers(0, 255, (90, 160, 3), dtype=np.uint8).repeat(8, 0).repeat(8, 1)

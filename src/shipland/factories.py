@@ -40,7 +40,7 @@ PACKAGED: dict[str, dict[str, str]] = {
         "rendered": "shipland.scenario.visions:rendered",
     },
     "vehicles": {
-        "anafi": "shipland.vehicles.anafi.factory:anafi",
+        "anafi": "shipland.vehicles.anafi.vehicle:anafi",
         "mavlink": "shipland.vehicles.mavlink.vehicle:mavlink",
         "replay": "shipland.scenario.real_vehicle:replay",
         "ros2": "shipland.vehicles.ros2.vehicle:ros2",

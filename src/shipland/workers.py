@@ -178,7 +178,7 @@ def _work(descriptor: int) -> None:
     """A worker process: the work and its jobs in, results out, until killed or the parent is gone."""
     for which in (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT):  # they reach the whole group; the parent decides
         signal.signal(which, signal.SIG_IGN)
-    threading.Thread(target=_die_with_parent, args=(descriptor,), daemon=True).start()
+    threading.Thread(target=die_with_parent, args=(descriptor,), daemon=True).start()
     link = Connection(descriptor)
     try:
         do = cloudpickle.loads(link.recv_bytes())
@@ -196,9 +196,9 @@ def _answer(do: Callable[[Any], Any], job: bytes) -> bytes:
         return _pickled((False, _words(error)))
 
 
-def _die_with_parent(descriptor: int) -> None:
-    """Without it a worker whose parent was killed flies its job to the end."""
+def die_with_parent(descriptor: int) -> None:
+    """End this process when the parent's end of a socket or pipe is closed: else its job goes on when it was killed."""
     parent = select.poll()
-    parent.register(descriptor, 0)  # its end of the socket is closed
+    parent.register(descriptor, 0)  # nothing but the other end's being closed
     parent.poll()
     os._exit(1)

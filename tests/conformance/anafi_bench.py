@@ -19,8 +19,7 @@ import pytest
 
 from shipland.camera import Camera
 from shipland.vehicles.address import Address, VehicleSetup, vehicle_table
-from shipland.vehicles.anafi.factory import anafi
-from shipland.vehicles.anafi.vehicle import AnafiVehicle
+from shipland.vehicles.anafi.vehicle import AnafiVehicle, anafi
 
 ROOT = Path(__file__).parents[2]
 CAMERA = Camera.from_fov(640, 352, 69.0)

@@ -339,7 +339,7 @@ def test_a_flight_that_ended_here_is_not_guarded() -> None:
 def test_a_guard_that_dies_is_a_lost_link_in_words() -> None:
     with bench(link_timeout_s=1.5) as (vehicle, _, _):
         vehicle.open()
-        os.kill(vehicle.session.link._port._process.pid, signal.SIGKILL)
+        os.kill(vehicle.session.link.port._process.pid, signal.SIGKILL)
         until(lambda: vehicle.read() is None)
         assert "link lost" in vehicle.end_reason
         assert "guard process of the link has ended" in vehicle.end_reason

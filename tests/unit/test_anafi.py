@@ -23,9 +23,8 @@ from shipland.guidance.modes import INTENTS
 from shipland.messages import Intent, Mode, PilotCommand, Telemetry
 from shipland.stopping import stop_requests
 from shipland.vehicles.address import Address, VehicleSetup, vehicle_table
-from shipland.vehicles.anafi.factory import anafi
-from shipland.vehicles.anafi.records import merged, moment_of, sticks_of, with_moment
-from shipland.vehicles.anafi.vehicle import AnafiVehicle
+from shipland.vehicles.anafi.records import merged, sticks_of, with_metadata
+from shipland.vehicles.anafi.vehicle import AnafiVehicle, anafi
 from shipland.vehicles.gimbal import gimbal_at
 from waiting import until
 
@@ -366,20 +365,20 @@ def metadata(roll: float, pitch: float, yaw: float, camera_pitch: float) -> dict
 
 def test_a_picture_s_metadata_are_the_aircraft_at_its_exposure() -> None:
     nothing = Telemetry(0.0, None, None, None, None, None, None, None, flying=False)
-    moment = moment_of(metadata(0.1, -0.2, math.pi / 2, -0.4))
-    assert (moment.roll_rad, moment.pitch_rad, moment.heading_rad) == pytest.approx((0.1, -0.2, math.pi / 2))
-    assert moment.gimbal.pitch_rad == pytest.approx(-0.4)
-    assert moment.gimbal.yaw_rad == pytest.approx(0.1)
-    told = with_moment(nothing, moment, 5.0)
+    moment = metadata(0.1, -0.2, math.pi / 2, -0.4)
+    told, gimbal = with_metadata(nothing, moment, 5.0)
+    assert (told.roll_rad, told.pitch_rad, told.heading_rad) == pytest.approx((0.1, -0.2, math.pi / 2))
+    assert gimbal.pitch_rad == pytest.approx(-0.4)
+    assert gimbal.yaw_rad == pytest.approx(0.1)
     assert told.velocity_in_level_mps == pytest.approx(np.array([2.0, 0.0, 0.5]), abs=1e-9)
     assert (told.attitude_t_s, told.velocity_t_s) == (5.0, 5.0)
     newer = merged(told, "attitude", {"roll": 0.3, "pitch": 0.0, "yaw": 1.0}, 5.1)
-    assert with_moment(newer, moment, 5.05).roll_rad == 0.3  # an older one does not undo it
+    assert with_metadata(newer, moment, 5.05)[0].roll_rad == 0.3  # an older one does not undo it
     assert merged(told, "attitude", {"roll": 0.3, "pitch": 0.0, "yaw": 1.0}, 4.9).roll_rad == pytest.approx(0.1)
     unset = metadata(0.0, 0.0, 0.0, 0.0)
     unset["camera"]["quat"] = dict.fromkeys("wxyz", 0.0)
     with pytest.raises(ValueError, match="quaternion"):
-        moment_of(unset)
+        with_metadata(nothing, unset, 5.0)
 
 
 def test_a_python_without_olympe_says_so(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from shipland.vehicles.anafi.factory import END
+from shipland.vehicles.anafi.setup import END
 from waiting import until
 
 OLYMPE = """

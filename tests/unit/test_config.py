@@ -34,7 +34,7 @@ from shipland.learning.settings import TrainParameters
 from shipland.learning.shots import SynthParameters
 from shipland.report.outputs import OutputParameters
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
-from shipland.vehicles.anafi.parameters import AnafiParameters
+from shipland.vehicles.anafi.setup import AnafiParameters
 from shipland.vehicles.camera_stream import StreamParameters
 from shipland.vehicles.checks import PreflightParameters
 from shipland.vehicles.mavlink.parameters import MavlinkParameters

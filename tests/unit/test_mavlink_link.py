@@ -17,17 +17,18 @@ sys.path.append(str(Path(__file__).parents[2] / "tools"))
 
 from fuzz_link import OURS, STRANGER, Nowhere, fuzz  # noqa: E402
 
+from shipland.config import packaged_toml  # noqa: E402
 from shipland.errors import ConfigError, VehicleError  # noqa: E402
 from shipland.vehicles.gimbal import gimbal_at  # noqa: E402
 from shipland.vehicles.mavlink.control import Control  # noqa: E402
 from shipland.vehicles.mavlink.link import LinkCounts, read_key  # noqa: E402
-from shipland.vehicles.mavlink.parameters import VehicleLimits  # noqa: E402
+from shipland.vehicles.mavlink.parameters import MavlinkParameters, VehicleLimits, response_within  # noqa: E402
 from shipland.vehicles.mavlink.ports import Place  # noqa: E402
 from shipland.vehicles.mavlink.session import Session, advice_on_silence  # noqa: E402
-from shipland.vehicles.mavlink.setpoints import AttitudeTarget, ClimbScale, MavlinkTarget  # noqa: E402
+from shipland.vehicles.mavlink.setpoints import attitude_message  # noqa: E402
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState  # noqa: E402
 from shipland.vehicles.mavlink.telemetry import telemetry_of  # noqa: E402
-from shipland.vehicles.wanted import Wanted  # noqa: E402
+from shipland.vehicles.wanted import HeadingSetPoint, Wanted  # noqa: E402
 
 
 def session(key: bytes | None = None) -> tuple[Session, Nowhere, object]:
@@ -87,9 +88,9 @@ def test_times_of_messages_are_on_our_clock_and_jitter_is_not_in_them() -> None:
         errors.append(made.state.attitude_t_s - (100.0 + 0.02 * index))
     assert min(errors[50:]) >= 0.009
     assert max(errors[50:]) < 0.02
-    assert made.state.reboots == 0
+    assert made.state.clock.restarts == 0
     made.link.take(m.MAVLink_attitude_message(200, 0.1, 0.2, 0.3, 0, 0, 0).pack(codec), OURS, 120.0)
-    assert made.state.reboots == 1
+    assert made.state.clock.restarts == 1
     telemetry = telemetry_of(made.state, 121.0)
     assert telemetry.attitude_t_s == pytest.approx(120.0)
     assert telemetry.height_m is None
@@ -117,7 +118,7 @@ def test_another_components_messages_do_not_count() -> None:
         feed(made, m.MAVLink_attitude_message(10, 0.5, 0.5, 0.5, 0, 0, 0), 100.2, component=component)
         feed(made, heartbeat(5), 100.2, component=component)
         feed(made, m.MAVLink_rc_channels_message(10, 8, *[1900] * 18, 255), 100.2, component=component)
-    assert (made.state.reboots, made.state.mode, made.state.sticks_us) == (0, 4, ())
+    assert (made.state.clock.restarts, made.state.mode, made.state.sticks_us) == (0, 4, ())
     assert made.state.roll_rad == pytest.approx(0.1)
 
 
@@ -127,10 +128,10 @@ def test_a_gimbals_clock_is_its_own_and_the_first_gimbal_is_followed() -> None:
     feed(made, mount(2_000, -0.3), 100.1, component=154)
     feed(made, mount(9_000, 0.9), 100.2, component=171)
     feed(made, m.MAVLink_attitude_message(60_300, 0.1, 0.2, 0.3, 0, 0, 0), 100.3)
-    assert made.state.reboots == 0
+    assert made.state.clock.restarts == 0
     assert made.mounts == [(pytest.approx(100.1), 0.0, pytest.approx(-0.3))]
     feed(made, mount(5, -0.4), 101.0, component=154)  # the gimbal starts anew, and the autopilot does not
-    assert made.state.reboots == 0
+    assert made.state.clock.restarts == 0
     assert made.state.gimbal_t_s == pytest.approx(101.0)
 
 
@@ -362,9 +363,10 @@ def test_values_that_no_vehicle_has_change_nothing() -> None:
 
 
 def test_a_heading_that_is_held_up_does_not_wind_up() -> None:
-    tilts = AttitudeTarget(ClimbScale(2.5, 1.5), MavlinkTarget(1))
+    heading = HeadingSetPoint()
     for _ in range(500):
-        message = tilts.message(Wanted(0.0, 0.0, 0.0, 0.7), 1.0, 0.02, 0)
+        to_rad = heading.next_rad(0.7, 1.0, 0.02)
+    message = attitude_message(Wanted(0.0, 0.0, 0.0, 0.7), to_rad, 0.5, 1, 0)
     w, _, _, z = message.q
     assert 2.0 * math.atan2(z, w) == pytest.approx(1.3)
     assert message.type_mask == 0
@@ -374,7 +376,7 @@ def test_limits_are_the_vehicles() -> None:
     told = {"GUID_OPTIONS": 0.0, "ANGLE_MAX": 2000.0, "WPNAV_SPEED_UP": 250.0, "WPNAV_SPEED_DN": 150.0}
     limits = VehicleLimits.of(ARDUPILOT, told)
     assert math.degrees(limits.tilt_rad) == pytest.approx(20.0)
-    assert limits.climb_scale == ClimbScale(2.5, 1.5)
+    assert (limits.up_mps, limits.down_mps) == (2.5, 1.5)
     assert limits.velocity_reference == "ground"
     assert VehicleLimits.of(ARDUPILOT, told | {"EK3_SRC1_VELXY": 5.0}).velocity_reference == "surface"
     px4 = {"MPC_TILTMAX_AIR": 45.0, "MPC_XY_VEL_MAX": 12.0, "MPC_Z_VEL_MAX_UP": 3.0, "MPC_Z_VEL_MAX_DN": 1.0}
@@ -382,8 +384,9 @@ def test_limits_are_the_vehicles() -> None:
     assert VehicleLimits.of(PX4, px4 | {"EKF2_GPS_CTRL": 0.0}).velocity_reference == "surface"
     with pytest.raises(VehicleError, match="clear that bit"):
         VehicleLimits.of(ARDUPILOT, told | {"GUID_OPTIONS": 8.0})
-    with pytest.raises(VehicleError, match="thrust has no meaning"):
-        _ = VehicleLimits.of(ARDUPILOT, told | {"WPNAV_SPEED_UP": 0.0}).climb_scale
+    at_rest = VehicleLimits.of(ARDUPILOT, told | {"WPNAV_SPEED_UP": 0.0})
+    with pytest.raises(ConfigError, match="max_climb_mps"):  # thrust would have no meaning
+        response_within(MavlinkParameters(), at_rest, ARDUPILOT, packaged_toml("vehicles")["response"])
     for name in told:
         with pytest.raises(VehicleError, match=f"does not tell {name}"):
             VehicleLimits.of(ARDUPILOT, {other: value for other, value in told.items() if other != name})

@@ -121,22 +121,25 @@ def test_a_taken_port_is_one_line() -> None:
 def test_sensors_of_an_aircraft_at_rest_facing_east() -> None:
     sensors = SimulatedSensors(np.random.default_rng(1))
     east = LEVEL._replace(quaternion=(math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)), position_m=(0.0, 0.0, -100.0))
-    rows = [sensors.inertial(east, (0.0, 0.0, -9.81)) for _ in range(400)]
-    force, rates, field_gauss = (np.mean([row[part] for row in rows], axis=0) for part in range(3))
+    rows = [sensors.inertial(0, east, (0.0, 0.0, -9.81)) for _ in range(400)]
+    force, rates, field_gauss = (
+        np.mean([[getattr(row, f"{axis}{part}") for axis in "xyz"] for row in rows], axis=0)
+        for part in ("acc", "gyro", "mag")
+    )
     assert force == pytest.approx((0.0, 0.0, -9.81), abs=0.01)
     assert rates == pytest.approx((0.0, 0.0, 0.0), abs=0.0005)
     # north is to the left, and 1.9° of declination turns it a little ahead; in the north the field points down
     assert math.degrees(math.atan2(-field_gauss[1], field_gauss[0])) == pytest.approx(88.1, abs=0.3)
     assert field_gauss[2] > 0.45
-    assert np.mean([row.pressure_hpa for row in rows]) == pytest.approx(pressure_hpa(100.0), abs=0.01)
+    assert np.mean([row.abs_pressure for row in rows]) == pytest.approx(pressure_hpa(100.0), abs=0.01)
 
 
 def test_fixes_scatter_about_the_place() -> None:
     far = LEVEL._replace(position_m=(111.0, 55.0, -20.0), velocity_mps=(1.0, -2.0, 0.5))
     fixes = [SimulatedSensors(np.random.default_rng(seed)).fix(0.0, far) for seed in range(200)]
-    north_m = [math.radians(fix.latitude_deg - 60.0) * 6371000.0 for fix in fixes]
-    east_m = [math.radians(fix.longitude_deg - 4.0) * 6371000.0 * 0.5 for fix in fixes]
+    north_m = [math.radians(1e-7 * fix.lat - 60.0) * 6371000.0 for fix in fixes]
+    east_m = [math.radians(1e-7 * fix.lon - 4.0) * 6371000.0 * 0.5 for fix in fixes]
     assert np.mean(north_m) == pytest.approx(111.0, abs=0.1)
     assert np.mean(east_m) == pytest.approx(55.0, abs=0.1)
     assert 0.2 < np.std(north_m) < 0.6
-    assert np.mean([fix.velocity_mps for fix in fixes], axis=0) == pytest.approx((1.0, -2.0, 0.5), abs=0.01)
+    assert np.mean([(fix.vn, fix.ve, fix.vd) for fix in fixes], axis=0) == pytest.approx((100.0, -200.0, 50.0), abs=1.0)

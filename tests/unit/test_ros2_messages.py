@@ -15,7 +15,7 @@ from shipland.frames import Pose, rotation_from_euler
 from shipland.messages import BarPose, Box, GimbalAttitude, Observation, Telemetry
 from shipland.vehicles.ros2 import conversions as ros
 from shipland.vehicles.ros2 import image_messages as images
-from shipland.vehicles.ros2 import sight_messages as sights
+from shipland.vehicles.ros2 import telling as sights
 from shipland.vehicles.ros2.dds import domain_id, settings
 from shipland.vehicles.ros2.setup import vehicle_topics
 from shipland.vehicles.ros2.types import cdr_of, message, message_of, store, type_hash

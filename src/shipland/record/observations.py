@@ -19,28 +19,29 @@ OLDEST_S = 10.0
 _FARTHEST_M, _HIGHEST_M, _FASTEST_MPS = 200.0, 10_000.0, 100.0
 """The border of the loop refuses what is beyond."""
 _UPPER = np.triu_indices(4)
-_BOX = [2.0, 2.0, 2.0, 2.0, 1.0]
+_PLACE = ["forward", "right", "down", "yaw"]
+_BOX = (["column", "row", "width", "height", "confidence"], [2.0, 2.0, 2.0, 2.0, 1.0])
+_PARTS = {
+    "pose": (["forward_m", "right_m", "down_m", "yaw_rad"], [_FARTHEST_M, _FARTHEST_M, _FARTHEST_M, math.pi]),
+    "pose_covariance": (
+        [f"{_PLACE[row]}_{_PLACE[column]}" for row, column in zip(*_UPPER, strict=True)], [_FARTHEST_M**2] * 10,
+    ),
+    "bar_box": _BOX,
+    "ship_box": _BOX,
+    "gimbal": (["roll_rad", "pitch_rad", "yaw_rad"], [math.pi] * 3),
+    "attitude": (["roll_rad", "pitch_rad"], [math.pi] * 2),
+    "heading": (["cosine", "sine"], [1.0, 1.0]),
+    "height": (["m"], [_HIGHEST_M]),
+    "velocity": (["forward_mps", "right_mps", "down_mps"], [_FASTEST_MPS] * 3),
+    "sent": (["pitch", "roll", "heave", "yaw"], [1.0] * 4),
+}  # fmt: skip
+"""Names of each entry's numbers, and their largest magnitudes."""
+_AGED = ("picture", "pose", "bar_box", "ship_box", "attitude", "heading", "height", "velocity")
 
 
 def _bounds() -> dict[str, tuple[list[float], list[float]]]:
-    """Lowest and highest value of each entry; its length is the entry's."""
-    high: dict[str, list[float]] = {
-        "pose": [_FARTHEST_M, _FARTHEST_M, _FARTHEST_M, math.pi],
-        "pose_covariance": [_FARTHEST_M**2] * 10,
-        "bar_box": _BOX,
-        "ship_box": _BOX,
-        "gimbal": [math.pi] * 3,
-        "attitude": [math.pi] * 2,
-        "heading": [1.0, 1.0],
-        "height": [_HIGHEST_M],
-        "velocity": [_FASTEST_MPS] * 3,
-        "sent": [1.0] * 4,
-    }
-    bounds = {name: ([-value for value in values], values) for name, values in high.items()}
-    for name in ("picture", "pose", "bar_box", "ship_box", "attitude", "heading", "height", "velocity"):
-        bounds[f"{name}_age"] = ([0.0], [OLDEST_S])
-    bounds["flying"] = ([0.0], [1.0])
-    return bounds
+    bounds = {name: ([-value for value in high], high) for name, (_, high) in _PARTS.items()}
+    return bounds | {f"{name}_age": ([0.0], [OLDEST_S]) for name in _AGED} | {"flying": ([0.0], [1.0])}
 
 
 BOUNDS = {
@@ -48,25 +49,10 @@ BOUNDS = {
 }
 """Lowest and highest values of each entry, in the order of the alphabet."""
 
-_ANGLES = ["roll_rad", "pitch_rad", "yaw_rad"]
-_PLACE = ["forward", "right", "down", "yaw"]
-_PARTS = {
-    "pose": ["forward_m", "right_m", "down_m", "yaw_rad"],
-    "pose_covariance": [f"{_PLACE[row]}_{_PLACE[column]}" for row, column in zip(*_UPPER, strict=True)],
-    "bar_box": ["column", "row", "width", "height", "confidence"],
-    "ship_box": ["column", "row", "width", "height", "confidence"],
-    "gimbal": _ANGLES,
-    "attitude": _ANGLES[:2],
-    "heading": ["cosine", "sine"],
-    "height": ["m"],
-    "velocity": ["forward_mps", "right_mps", "down_mps"],
-    "sent": ["pitch", "roll", "heave", "yaw"],
-}
-
 
 def flat_names() -> list[str]:
     """What each number is, of all entries one after the other."""
-    parts = _PARTS | {name: ["s"] for name in BOUNDS if name.endswith("_age")}
+    parts = {name: names for name, (names, _) in _PARTS.items()} | {f"{name}_age": ["s"] for name in _AGED}
     return [name for entry in BOUNDS for name in [f"{entry}_{part}" for part in parts.get(entry, [])] or [entry]]
 
 

@@ -78,9 +78,7 @@ def _serve_frames(link: Connection, listener: socket.socket, scenario: Scenario,
     threading.Thread(target=_accept, args=(listener, clients), daemon=True).start()
     ship, camera = drawn_ship(scenario, seed), Camera.from_parameters(scenario.camera)
     rng = generators_of(seed).picture
-    scene = None
-    if pictures:
-        scene = build_scene(scenario, seed)
+    scene = build_scene(scenario, seed) if pictures else None
     waiting: list[tuple[float, _Shown, bytes]] = []
     while True:
         try:

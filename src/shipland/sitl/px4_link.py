@@ -12,7 +12,6 @@ import socket
 import time
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from shipland.frames import Array, rotation_from_quaternion
 from shipland.sim.aircraft.parameters import Vector
 from shipland.sim.aircraft.record import RigidBodyState
 from shipland.sitl.physics import STEP_S, FlightStep, ServedFlight
-from shipland.vehicles.mavlink.dialect import Message, dialect
+from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
 
 HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, HOME_HEIGHT_M = 60.0, 4.0, 0.0
 """Where the aircraft waits: at sea, off Norway."""
@@ -33,25 +32,12 @@ EARTH_RADIUS_M = 6371000.0
 # noise, all chosen: small MEMS sensors, and a GPS with a clear sky
 _ACCELEROMETER_MPS2, _GYROSCOPE_RAD_S, _MAGNETOMETER_GAUSS, _BAROMETER_HPA = 0.05, 0.002, 0.003, 0.02
 _GPS_LEVEL_M, _GPS_HEIGHT_M, _GPS_WANDER_S, _GPS_VELOCITY_MPS = 0.3, 0.5, 30.0, 0.03
-
-
-class Inertial(NamedTuple):
-    """Accelerometers [m/s²], gyroscopes [rad/s], magnetometers [gauss], each along `body`; the air's pressure [hPa]."""
-
-    force_mps2: Vector
-    rates_rad_s: Vector
-    field_gauss: Vector
-    pressure_hpa: float
-    height_m: float
-
-
-class Fix(NamedTuple):
-    """A GPS fix: degrees, height over the sea [m], velocity in `ned` [m/s]."""
-
-    latitude_deg: float
-    longitude_deg: float
-    height_m: float
-    velocity_mps: Vector
+_ALL_SENSORS = 0x1BFF
+"""HIL_SENSOR's `fields_updated` without differential pressure: three axes three times, pressure, height, degrees."""
+_TEMPERATURE_C = 15.0
+_FIX_3D, _SATELLITES, _UNKNOWN_COURSE = 3, 12, 65535
+_FIX_LEVEL_CM, _FIX_HEIGHT_CM = 40, 60
+"""Claimed accuracy."""
 
 
 class SimulatedSensors:
@@ -70,36 +56,42 @@ class SimulatedSensors:
         self._wander_m = self._rng.normal(0.0, (_GPS_LEVEL_M, _GPS_LEVEL_M, _GPS_HEIGHT_M))
         self._fix_t_s = math.nan
 
-    def inertial(self, motion: RigidBodyState, force_in_body_mps2: Vector) -> Inertial:
-        """Everything of the inertial unit's board.
+    def inertial(self, t_us: int, motion: RigidBodyState, force_in_body_mps2: Vector) -> Message:
+        """HIL_SENSOR: forces [m/s²], rates [rad/s] and field [gauss] along `body`, the air's pressure [hPa].
 
         Args:
+            t_us: the flight controller's time.
             motion: true; its place from home in `ned`.
             force_in_body_mps2: specific force, averaged since the last reading.
         """
         height_m = HOME_HEIGHT_M - motion.position_m[2]
         body_from_ned = rotation_from_quaternion(np.array(motion.quaternion)).T
-        return Inertial(
-            self._noisy(force_in_body_mps2, _ACCELEROMETER_MPS2),
-            self._noisy(motion.rates_rad_s, _GYROSCOPE_RAD_S),
-            self._noisy(body_from_ned @ self._field_in_ned, _MAGNETOMETER_GAUSS),
+        return dialect.MAVLink_hil_sensor_message(
+            t_us,
+            *self._noisy(force_in_body_mps2, _ACCELEROMETER_MPS2),
+            *self._noisy(motion.rates_rad_s, _GYROSCOPE_RAD_S),
+            *self._noisy(body_from_ned @ self._field_in_ned, _MAGNETOMETER_GAUSS),
             pressure_hpa(height_m) + float(self._rng.normal(0.0, _BAROMETER_HPA)),
-            height_m,
-        )
+            0.0, height_m, _TEMPERATURE_C, _ALL_SENSORS,
+        )  # fmt: skip
 
-    def fix(self, t_s: float, motion: RigidBodyState) -> Fix:
-        """A fix at `t_s`, later than the last."""
+    def fix(self, t_s: float, motion: RigidBodyState) -> Message:
+        """HIL_GPS: a fix at `t_s`, later than the last."""
         step_s = t_s - self._fix_t_s if math.isfinite(self._fix_t_s) else 0.0
         keep, std_m = math.exp(-step_s / _GPS_WANDER_S), (_GPS_LEVEL_M, _GPS_LEVEL_M, _GPS_HEIGHT_M)
         self._wander_m = keep * self._wander_m + math.sqrt(1.0 - keep * keep) * self._rng.normal(0.0, std_m)
         self._fix_t_s = t_s
         north_m, east_m, down_m = (np.array(motion.position_m) + self._wander_m).tolist()
-        return Fix(
-            HOME_LATITUDE_DEG + math.degrees(north_m / EARTH_RADIUS_M),
-            HOME_LONGITUDE_DEG + math.degrees(east_m / EARTH_RADIUS_M / math.cos(math.radians(HOME_LATITUDE_DEG))),
-            HOME_HEIGHT_M - down_m,
-            self._noisy(motion.velocity_mps, _GPS_VELOCITY_MPS),
+        latitude_deg = HOME_LATITUDE_DEG + math.degrees(north_m / EARTH_RADIUS_M)
+        longitude_deg = HOME_LONGITUDE_DEG + math.degrees(
+            east_m / EARTH_RADIUS_M / math.cos(math.radians(HOME_LATITUDE_DEG))
         )
+        cm_s = [round(100.0 * value) for value in self._noisy(motion.velocity_mps, _GPS_VELOCITY_MPS)]
+        return dialect.MAVLink_hil_gps_message(
+            round(1e6 * t_s), _FIX_3D, round(1e7 * latitude_deg), round(1e7 * longitude_deg),
+            round(1e3 * (HOME_HEIGHT_M - down_m)), _FIX_LEVEL_CM, _FIX_HEIGHT_CM, round(math.hypot(*cm_s[:2])), *cm_s,
+            _UNKNOWN_COURSE, _SATELLITES,
+        )  # fmt: skip
 
     def _noisy(self, value: Vector | Array, std: float) -> Vector:
         first, second, third = (np.asarray(value) + self._rng.normal(0.0, std, 3)).tolist()
@@ -127,14 +119,8 @@ _GIMBAL_CHANNEL = 8
 """Output 9, from 0; -1 is straight down, 1 straight up."""
 _IDLE_US = 1050.0
 """Least pulse of armed rotors: they turn."""
-_ALL_SENSORS = 0x1BFF
-"""HIL_SENSOR's `fields_updated` without differential pressure: three axes three times, pressure, height, degrees."""
 _ARMED = 128
 """Armed flag of HIL_ACTUATOR_CONTROLS' mode."""
-_TEMPERATURE_C = 15.0
-_FIX_3D, _SATELLITES, _UNKNOWN_COURSE = 3, 12, 65535
-_FIX_LEVEL_CM, _FIX_HEIGHT_CM = 40, 60
-"""Claimed accuracy."""
 
 
 class Outputs:
@@ -177,9 +163,7 @@ class Px4Link(AbstractContextManager["Px4Link"]):
         self._listener.settimeout(1.0)
         self._client: socket.socket | None = None
         self._sensors = SimulatedSensors(np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(4560,))))
-        self._encoder = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
-        self._parser = dialect.MAVLink(None)
-        self._parser.robust_parsing = True
+        self._codec = Codec(1, 1)
         self._outputs = Outputs()
 
     def __exit__(self, *_: object) -> None:
@@ -219,31 +203,10 @@ class Px4Link(AbstractContextManager["Px4Link"]):
     def _tell(self, client: socket.socket, steps: list[FlightStep], with_fix: bool) -> None:
         step = steps[-1]
         north, east, down = np.mean([each.force_in_body_mps2 for each in steps], axis=0).tolist()
-        read = self._sensors.inertial(step.motion, (north, east, down))
-        t_us = round(1e6 * step.t_s)
-        messages = [
-            dialect.MAVLink_hil_sensor_message(
-                t_us, *read.force_mps2, *read.rates_rad_s, *read.field_gauss, read.pressure_hpa, 0.0, read.height_m,
-                _TEMPERATURE_C, _ALL_SENSORS,
-            )
-        ]  # fmt: skip
+        messages = [self._sensors.inertial(round(1e6 * step.t_s), step.motion, (north, east, down))]
         if with_fix:
-            fix = self._sensors.fix(step.t_s, step.motion)
-            cm_s = [round(100.0 * value) for value in fix.velocity_mps]
-            messages.insert(
-                0,  # the sensors' message starts the step
-                dialect.MAVLink_hil_gps_message(
-                    t_us, _FIX_3D, round(1e7 * fix.latitude_deg), round(1e7 * fix.longitude_deg),
-                    round(1e3 * fix.height_m), _FIX_LEVEL_CM, _FIX_HEIGHT_CM, round(math.hypot(*cm_s[:2])), *cm_s,
-                    _UNKNOWN_COURSE, _SATELLITES,
-                ),
-            )  # fmt: skip
-        client.sendall(b"".join(self._packed(message) for message in messages))
-
-    def _packed(self, message: Message) -> bytes:
-        data: bytes = message.pack(self._encoder)
-        self._encoder.seq = (self._encoder.seq + 1) % 256
-        return data
+            messages.insert(0, self._sensors.fix(step.t_s, step.motion))  # the sensors' message starts the step
+        client.sendall(b"".join(self._codec.encode(message) for message in messages))
 
     def _hear(self, client: socket.socket, timeout_s: float) -> None:
         """Take what has come; wait for an answer to the step."""
@@ -255,7 +218,7 @@ class Px4Link(AbstractContextManager["Px4Link"]):
             data = client.recv(65536)
             if not data:
                 raise ConnectionResetError
-            for message in self._parser.parse_buffer(data) or []:
+            for message in self._codec.decode_some(data, stream=True)[0]:
                 if message.get_type() == "HIL_ACTUATOR_CONTROLS":
                     self._outputs.take(message)
                     answered = True

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from typing import Any
 
 import numpy as np
 
@@ -32,7 +30,7 @@ from shipland.vehicles.ros2.conversions import (
 from shipland.vehicles.ros2.dds import Node, domain_id, only_this_machine
 from shipland.vehicles.ros2.image_messages import camera_info, image_message, jpeg_message
 from shipland.vehicles.ros2.setup import vehicle_topics
-from shipland.vehicles.ros2.types import message
+from shipland.vehicles.ros2.types import Message, message
 from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.wanted import HOLD, Wanted, percents_of
 
@@ -55,13 +53,12 @@ class SetPoints:
         self._response, self._gimbal_rad = response, gimbal_rad
         self._newest: tuple[Wanted, float] | None = None
         self._landing = False
-        self._lock = threading.Lock()
         self.heard_s: list[float] = []
         """When each came [s]."""
         self.refused = ""
         """Why the last could not be flown, in words."""
 
-    def take_velocity(self, command: Any) -> None:  # noqa: ANN401
+    def take_velocity(self, command: Message) -> None:
         """geometry_msgs/TwistStamped; only a hold is flown by an aircraft that flies tilts."""
         wanted = wanted_velocity(command)
         if wanted is not None and self._response.kind == "attitude" and not wanted.hold:
@@ -69,7 +66,7 @@ class SetPoints:
             wanted = HOLD
         self._take(wanted)
 
-    def take_attitude(self, command: Any) -> None:  # noqa: ANN401
+    def take_attitude(self, command: Message) -> None:
         """mavros_msgs/AttitudeTarget."""
         wanted = wanted_attitude(command, self._response.max_climb_mps)
         if wanted is not None and self._response.kind == "velocity":
@@ -77,13 +74,13 @@ class SetPoints:
             wanted = HOLD
         self._take(wanted)
 
-    def take_gimbal(self, command: Any) -> None:  # noqa: ANN401
+    def take_gimbal(self, command: Message) -> None:
         """geometry_msgs/QuaternionStamped."""
         gimbal = gimbal_of(command)
         if gimbal is not None:
             self._gimbal_rad = gimbal.pitch_rad
 
-    def take_landing(self, landing: Any) -> None:  # noqa: ANN401
+    def take_landing(self, landing: Message) -> None:
         """std_msgs/Bool: in a landing, low enough to touch: the motors may be stopped at contact."""
         self._landing = bool(landing.data)
 
@@ -94,8 +91,7 @@ class SetPoints:
 
     def command(self, t_s: float) -> PilotCommand:
         """What is to be flown now, on the vehicle's clock."""
-        with self._lock:
-            newest = self._newest
+        newest = self._newest
         fresh = newest is not None and time.monotonic() - newest[1] <= _STALE_S
         wanted = newest[0] if newest is not None and fresh else HOLD
         if wanted.hold:
@@ -108,8 +104,7 @@ class SetPoints:
             return
         now_s = time.monotonic()
         self.heard_s.append(now_s)
-        with self._lock:
-            self._newest = wanted, now_s
+        self._newest = wanted, now_s
 
 
 class VehicleTopics:

@@ -70,6 +70,10 @@ class Address:
             raise ConfigError(f"{self.scheme}://…?{name}={text}: expected a number")
         return value
 
+    def known_number(self, name: str) -> float | None:
+        """As `number`; None where the option is not given."""
+        return self.number(name, math.nan) if name in self.options else None
+
     def flag(self, name: str) -> bool:
         """Whether an option is switched on: 1, yes, true; ConfigError for what is neither on nor off."""
         text = self.options.get(name, "0").lower()
@@ -95,6 +99,16 @@ class VehicleSetup:
     table: Mapping[str, Mapping[str, object]]
     log: Path | None = None
     calibrated: bool = False
+
+    def section(self, name: str) -> dict[str, object]:
+        """`[NAME]`, with the `kind` that the address may give."""
+        return {**self.table[name], **{key: text for key, text in self.address.options.items() if key == "kind"}}
+
+    @property
+    def fixed_pitch_rad(self) -> float | None:
+        """Pitch of a camera fixed to the body, which the option `mount_deg` gives; None for one on a mount."""
+        pitch_deg = self.address.known_number("mount_deg")
+        return None if pitch_deg is None else math.radians(pitch_deg)
 
 
 def vehicle_table(path: Path | None) -> Mapping[str, Mapping[str, object]]:

@@ -42,6 +42,13 @@ class PreflightParameters:
     wind_share: float = key(0.6, "largest wind, as a share of what full tilt holds against", ge=0.01, le=1)
 
 
+def battery_check(percent: float | None, least_percent: float, source: str = "") -> Check:
+    """The charge; `source` says where it should have come from."""
+    if percent is None:
+        return Check("battery", False, f"{source}unknown")
+    return Check("battery", percent >= least_percent, f"{percent:.0f} %, at least {least_percent:g}")
+
+
 def limits_text(response: Response) -> str:
     """What full sticks mean, for people."""
     level = f"{math.degrees(response.max_tilt_rad):.0f}°"

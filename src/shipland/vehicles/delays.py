@@ -109,14 +109,11 @@ class TelemetryFeed:
             for waiting in self._waiting.values():
                 waiting.append((arrives_s, readings))
 
-    def at(
-        self, t_s: float, now_s: float, battery_percent: float | None, link_percent: float | None, flying: bool
-    ) -> Telemetry:
+    def at(self, now_s: float, battery_percent: float | None, link_percent: float | None, flying: bool) -> Telemetry:
         """The newest of everything that has arrived.
 
         Args:
-            t_s: now, on the loop's clock.
-            now_s: now, on the clock of the readings.
+            now_s: now, on the clock of the loop and of the readings.
             battery_percent: comes at once.
             link_percent: likewise.
             flying: likewise.
@@ -127,7 +124,7 @@ class TelemetryFeed:
         attitude, heading, height, velocity = (self._newest.get(name) for name in _PARTS)
         speed = velocity.velocity_in_level_mps if velocity is not None else None
         return Telemetry(
-            t_s=t_s,
+            t_s=now_s,
             roll_rad=attitude.roll_rad if attitude is not None else None,
             pitch_rad=attitude.pitch_rad if attitude is not None else None,
             heading_rad=heading.heading_rad if heading is not None else None,

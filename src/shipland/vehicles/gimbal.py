@@ -10,12 +10,12 @@ import numpy as np
 from shipland.frames import euler_from_rotation, rotation_from_euler
 from shipland.messages import GimbalAttitude
 
-History = Sequence[tuple[float, float, float]]
-"""(time, roll, pitch), in order of time."""
+Reading = tuple[float, float, float]
+"""(time [s], roll [rad], pitch [rad])."""
 
 
 def gimbal_at(
-    t_s: float, attitudes: History, mounts: History, fixed_pitch_rad: float | None
+    t_s: float, attitudes: Sequence[Reading], mounts: Sequence[Reading], fixed_pitch_rad: float | None
 ) -> tuple[GimbalAttitude, float]:
     """The camera's attitude in `level` at a time, and how far from it the nearest reading is [s]; infinite without any.
 
@@ -24,8 +24,8 @@ def gimbal_at(
 
     Args:
         t_s: of the exposure.
-        attitudes: of the body.
-        mounts: of a gimbal, against the horizon.
+        attitudes: of the body, in order of time.
+        mounts: of a gimbal, against the horizon, likewise.
         fixed_pitch_rad: of a camera fixed to the body, upward positive; None for one on a gimbal.
     """
     readings = mounts if fixed_pitch_rad is None else attitudes

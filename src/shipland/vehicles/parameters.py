@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+
 from shipland.config import key, parameters
 
 
@@ -24,6 +27,25 @@ class LinkParameters:
         3.0, "without a word of the vehicle for so long the flight is over", "chosen; one a second", ge=0.5, le=30
     )
     video_timeout_s: float = key(10.0, "likewise without a picture", ge=0.5, le=60)
+
+    def full_sticks(
+        self, kind: str, *, tilt_rad: float = math.inf, climb_mps: float = math.inf, speed_mps: float = 0.0
+    ) -> dict[str, object]:
+        """What full sticks mean, as keys of `Response`; tilt and climb within the vehicle's own limits."""
+        speeds = {"max_speed_mps": speed_mps} if kind == "velocity" else {"max_speed_mps": 0.0, "servo_per_s": 0.0}
+        return speeds | {
+            "kind": kind,
+            "max_tilt_rad": min(math.radians(self.max_tilt_deg), tilt_rad),
+            "max_climb_mps": min(self.max_climb_mps, climb_mps),
+            "max_turn_rad_s": math.radians(self.max_turn_deg_s),
+        }
+
+
+def measured(kind: str, table: Mapping[str, object]) -> dict[str, object]:
+    """`[response.KIND]` of `[response]`: lags that were assumed or identified; empty where there are none."""
+    found = table.get(kind, {})
+    assert isinstance(found, Mapping)
+    return dict(found)
 
 
 @parameters

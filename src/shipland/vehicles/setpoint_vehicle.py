@@ -8,15 +8,16 @@ from __future__ import annotations
 import math
 import threading
 import time
-from abc import ABC, abstractmethod
-from contextlib import ExitStack
+from abc import abstractmethod
 
 from shipland.errors import VehicleError
 from shipland.messages import Frame, GimbalAttitude, GroundTruth, PilotCommand, Telemetry, TouchdownVerdict
 from shipland.vehicles.camera_stream import CameraStream, PictureSource
+from shipland.vehicles.link_vehicle import LinkVehicle
 from shipland.vehicles.pace import First, Pace
 from shipland.vehicles.parameters import SetpointParameters
 from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
+from shipland.vehicles.wanted import HeadingSetPoint
 
 _REMEMBERED = 64
 """Given frames whose truth is kept."""
@@ -24,26 +25,20 @@ _VERDICT_S = 5.0
 """How long a simulated touchdown's verdict is waited for."""
 
 
-class SetpointVehicle(ABC):
-    """A `Vehicle` on `time.monotonic`; a `GroundTruthSource` where its camera is a simulator's."""
+class SetpointVehicle(LinkVehicle):
+    """A `GroundTruthSource` as well, where its camera is a simulator's."""
 
     def __init__(self, parameters: SetpointParameters) -> None:
+        super().__init__()
         self._parameters = parameters
-        self._stack = ExitStack()
         self._stream: CameraStream | None = None
         self._given_s, self._pictured_s = -math.inf, time.monotonic()
         self._truths: dict[float, GroundTruth] = {}
         self._pace: Pace | None = None
         self._lock = threading.Lock()
         self._command: tuple[PilotCommand, float] | None = None
-        self._engaged = self._closed = False
-        self._end_reason = ""
         self._gimbal_s = -math.inf
-
-    @property
-    def end_reason(self) -> str:
-        """Why the flight is over, in words; empty in flight."""
-        return self._end_reason
+        self._heading = HeadingSetPoint()
 
     @property
     def late_s(self) -> list[float]:
@@ -51,20 +46,8 @@ class SetpointVehicle(ABC):
         return [] if self._pace is None else list(self._pace.late_s)
 
     @abstractmethod
-    def connect(self) -> None:
-        """Link and camera, without taking control; once is enough. VehicleError when something does not answer."""
-
-    @abstractmethod
-    def _engage(self) -> None:
-        """Take the vehicle, once connected, as far as that was allowed."""
-
-    @abstractmethod
     def telemetry_at(self, t_s: float) -> Telemetry:
         """The newest that has come, stamped with `t_s`."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Leave the vehicle holding, where it is still ours, and let go of it; no signal cuts it short."""
 
     @abstractmethod
     def _gimbal_at(self, t_s: float) -> tuple[GimbalAttitude, float]:
@@ -73,17 +56,6 @@ class SetpointVehicle(ABC):
     @abstractmethod
     def _tick(self, step_s: float) -> None:
         """One turn of the set-points' thread, `step_s` after the last."""
-
-    def open(self) -> None:
-        """Connect, and take the vehicle as far as that was allowed; VehicleError when it does not come to us."""
-        if self._closed:
-            raise VehicleError("this flight is over; make a new vehicle for the next one")
-        self.connect()
-        try:
-            self._engage()
-        except BaseException:
-            self.close()
-            raise
 
     def read(self) -> tuple[Frame | None, Telemetry] | None:
         """The newest picture not given, or none within `LONGEST_WAIT_S`; None when the flight is over."""

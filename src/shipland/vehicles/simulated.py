@@ -119,7 +119,7 @@ class SimulatedVehicle:
 
     def _telemetry(self) -> Telemetry:
         world, now_s = self.world, self._now_s
-        return self._feed.at(now_s, now_s, world.battery_percent, world.link_percent, world.motors_run)
+        return self._feed.at(now_s, world.battery_percent, world.link_percent, world.motors_run)
 
     def send(self, command: PilotCommand) -> None:
         """Give the sticks at the command's time; a little earlier than the last frame's receipt counts as then."""

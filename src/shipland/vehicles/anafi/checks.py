@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from shipland.vehicles.anafi.parameters import AnafiParameters
-from shipland.vehicles.checks import Check, PreflightParameters
+from shipland.vehicles.anafi.setup import AnafiParameters
+from shipland.vehicles.checks import Check, PreflightParameters, battery_check
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,6 @@ def anafi_checks(state: AnafiState, parameters: AnafiParameters, wanted: Preflig
         f"{parameters.latency_s:g} s to the quickest, stated and not measured, and {state.late_s:.3f} s more, measured "
         f"(19 of 20); at most {wanted.picture_age_s:g} in all"
     )
-    battery = "unknown"
-    if state.battery_percent is not None:
-        battery = f"{state.battery_percent:.0f} %, at least {wanted.battery_percent:g}"
     return [
         Check("limits", same, f"asked for {asked}, read back {read}: tilt [°], climb [m/s], turn [°/s]"),
         Check(
@@ -56,5 +53,5 @@ def anafi_checks(state: AnafiState, parameters: AnafiParameters, wanted: Preflig
         Check("pictures", not state.problem and state.picture_hz >= wanted.picture_hz, pictures),
         Check("picture's age", age_s <= wanted.picture_age_s, age),
         Check("geofence", bool(state.limits.get("fence")), fence),
-        Check("battery", (state.battery_percent or 0.0) >= wanted.battery_percent, battery),
+        battery_check(state.battery_percent, wanted.battery_percent),
     ]  # fmt: skip

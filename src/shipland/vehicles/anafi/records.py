@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,25 +30,11 @@ def sticks_of(command: PilotCommand) -> list[int]:
     return [round(min(max(value, -100.0), 100.0)) for value in values]
 
 
-@dataclass(frozen=True)
-class Moment:
-    """A picture's metadata: the aircraft at its exposure.
+def with_metadata(before: Telemetry, metadata: Mapping[str, Any], exposed_s: float) -> tuple[Telemetry, GimbalAttitude]:
+    """Telemetry after a picture's metadata, where it knows nothing newer, and the camera's attitude in `level`.
 
-    Attributes:
-        roll_rad, pitch_rad, heading_rad: attitude of `body`.
-        velocity_in_ned_mps: (3,) over ground.
-        gimbal: the picture's attitude against the aircraft's `level`, electronic stabilisation included.
-    """
-
-    roll_rad: float
-    pitch_rad: float
-    heading_rad: float
-    velocity_in_ned_mps: tuple[float, float, float]
-    gimbal: GimbalAttitude
-
-
-def moment_of(metadata: Mapping[str, Any]) -> Moment:
-    """The metadata as PDrAW gives them, whatever the aircraft's own format.
+    The metadata are PDrAW's, whatever the aircraft's own format: the aircraft at the picture's exposure, the camera's
+    electronic stabilisation included.
 
     Raises:
         ValueError: a value is not finite, or a quaternion is not set.
@@ -56,16 +42,11 @@ def moment_of(metadata: Mapping[str, Any]) -> Moment:
     """
     roll, pitch, yaw = _euler(metadata["drone"]["quat"])
     camera_roll, camera_pitch, camera_yaw = _euler(metadata["camera"]["quat"])
-    speed = metadata["drone"]["speed"]
+    speed, heading = metadata["drone"]["speed"], wrap_angle(yaw)
     north, east, down = (finite(speed[name]) for name in ("north", "east", "down"))
-    gimbal = GimbalAttitude(camera_roll, camera_pitch, wrap_angle(camera_yaw - yaw))
-    return Moment(roll, pitch, wrap_angle(yaw), (north, east, down), gimbal)
-
-
-def with_moment(before: Telemetry, moment: Moment, exposed_s: float) -> Telemetry:
-    """Telemetry after a picture's metadata, where it knows nothing newer."""
-    turned = _with_attitude(before, moment.roll_rad, moment.pitch_rad, moment.heading_rad, exposed_s)
-    return _with_velocity(turned, moment.velocity_in_ned_mps, moment.heading_rad, exposed_s)
+    turned = _with_attitude(before, roll, pitch, heading, exposed_s)
+    told = _with_velocity(turned, (north, east, down), heading, exposed_s)
+    return told, GimbalAttitude(camera_roll, camera_pitch, wrap_angle(camera_yaw - yaw))
 
 
 def merged(before: Telemetry, kind: str, values: Mapping[str, Any], t_s: float) -> Telemetry:

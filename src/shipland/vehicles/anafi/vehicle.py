@@ -7,8 +7,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -19,15 +18,17 @@ from shipland.camera import Camera
 from shipland.errors import VehicleError
 from shipland.guidance.response import Response
 from shipland.messages import Frame, Intent, PilotCommand, Telemetry
-from shipland.stopping import check_stop, uninterrupted
+from shipland.stopping import check_stop
+from shipland.vehicles.address import VehicleSetup
 from shipland.vehicles.anafi.checks import AnafiState, anafi_checks
-from shipland.vehicles.anafi.parameters import AnafiParameters
 from shipland.vehicles.anafi.process import AnafiProcess
-from shipland.vehicles.anafi.records import finite, gimbal_of, merged, moment_of, sticks_of, with_moment
+from shipland.vehicles.anafi.records import finite, gimbal_of, merged, sticks_of, with_metadata
+from shipland.vehicles.anafi.setup import AnafiSetup
 from shipland.vehicles.camera_stream import ExposureClock, StreamedPicture
-from shipland.vehicles.checks import Check, PreflightParameters
-from shipland.vehicles.gimbal import gimbal_at
-from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
+from shipland.vehicles.checks import Check
+from shipland.vehicles.gimbal import Reading, gimbal_at
+from shipland.vehicles.link_vehicle import LinkVehicle
+from shipland.vehicles.vehicle import LONGEST_WAIT_S, Vehicle, unless_late
 
 _GIMBAL_S = 0.1
 _LOOK_S = 0.1
@@ -42,38 +43,16 @@ _READINGS = 64
 _PLANES = {"I420": cv2.COLOR_YUV2BGR_I420, "NV12": cv2.COLOR_YUV2BGR_NV12}
 
 
-@dataclass(frozen=True)
-class AnafiSetup:
-    """What an ANAFI is flown with.
-
-    Attributes:
-        command: starts the far end, `end.py`.
-        camera: intrinsics.
-        parameters: see there.
-        preflight: what must be in order.
-        response: what full sticks mean.
-        take_off: whether it takes off by itself.
-        log: file for the records of both directions, or None.
-    """
-
-    command: list[str]
-    camera: Camera
-    parameters: AnafiParameters
-    preflight: PreflightParameters
-    response: Response
-    take_off: bool
-    log: Path | None
-
-
-class AnafiVehicle:
-    """A `Vehicle` on `time.monotonic`."""
+class AnafiVehicle(LinkVehicle):
+    """An ANAFI through the process that speaks to it."""
 
     def __init__(self, setup: AnafiSetup) -> None:
+        super().__init__()
         self._setup, self._parameters = setup, setup.parameters
         self._process: AnafiProcess | None = None
         self._changed = threading.Condition()
         self._telemetry = Telemetry(0.0, None, None, None, None, None, None, None, flying=False)
-        self._gimbals: deque[tuple[float, float, float]] = deque(maxlen=_READINGS)
+        self._gimbals: deque[Reading] = deque(maxlen=_READINGS)
         self._limits: Mapping[str, float | None] | None = None
         self._shot: StreamedPicture | None = None
         self._clock = ExposureClock(self._parameters.latency_s)
@@ -82,9 +61,9 @@ class AnafiVehicle:
         self._attitudes: deque[float] = deque(maxlen=300)
         self._state = ""
         self._heard_s = self._given_s = self._pictured_s = self._gimbal_s = self._still_s = self._asked_s = -math.inf
-        self._connected = self._watched = self._engaged = self._closed = False
+        self._answers = self._watched = False
         self._landing = self._at_contact_height = self._asked_to_land = False
-        self._end_reason = self._problem = ""
+        self._problem = ""
         self._in_command = "somebody else (not given to us yet)"
         self._refused = 0
 
@@ -92,11 +71,6 @@ class AnafiVehicle:
     def camera(self) -> Camera:
         """Intrinsics of the pictures."""
         return self._setup.camera
-
-    @property
-    def end_reason(self) -> str:
-        """Why the flight is over, in words; empty in flight."""
-        return self._end_reason
 
     @property
     def in_command(self) -> str:
@@ -112,45 +86,32 @@ class AnafiVehicle:
         """What full sticks mean."""
         return self._setup.response
 
-    def connect(self) -> None:
-        """Olympe, the aircraft, its limits, its stream; VehicleError when something does not answer."""
-        if self._process is not None:
-            return
-        self._process = AnafiProcess(self._setup.command, self._on_record, self._on_gone, self._setup.log)
+    def _connect(self) -> None:
         parameters = self._parameters
-        try:
-            self._wait(lambda: self._connected, "the ANAFI does not answer (is Olympe installed there?)")
-            wanted = {
-                "tilt_deg": parameters.max_tilt_deg,
-                "climb_mps": parameters.max_climb_mps,
-                "turn_deg_s": parameters.max_turn_deg_s,
-            }
-            self._process.say({"limits": wanted})
-            self._wait(lambda: self._limits is not None, "the ANAFI does not tell its limits")
-        except BaseException:
-            self.close()
-            raise
+        process = self._process = AnafiProcess(self._setup.command, self._on_record, self._on_gone, self._setup.log)
+        self._stack.callback(process.close)
+        self._wait(lambda: self._answers, "the ANAFI does not answer (is Olympe installed there?)")
+        wanted = {
+            "tilt_deg": parameters.max_tilt_deg,
+            "climb_mps": parameters.max_climb_mps,
+            "turn_deg_s": parameters.max_turn_deg_s,
+        }
+        process.say({"limits": wanted})
+        self._wait(lambda: self._limits is not None, "the ANAFI does not tell its limits")
 
-    def open(self) -> None:
-        """Connect; take off if configured, else wait until the operator has."""
-        if self._closed:
-            raise VehicleError("this flight is over; make a new vehicle for the next one")
-        self.connect()
-        assert self._process is not None
-        try:
-            self._wait(lambda: self._shot is not None, "no picture from the ANAFI")
-            with self._changed:  # no event between seeing that it flies and watching who lands it
-                if self._setup.take_off and self._state in ("", "landed"):  # elsewhere it would undo a landing
-                    self._watched, self._in_command = True, "shipland"
-                    self._process.say({"take_off": True})
-                words, timeout_s = "the ANAFI has not taken off", self._parameters.engage_timeout_s
-                self._wait(lambda: self._state in _AIRBORNE, words, timeout_s)
-                self._pictured_s = self._still_s = time.monotonic()
-                self._watched = self._engaged = True
-                self._in_command = "shipland"
-        except BaseException:
-            self.close()
-            raise
+    def _engage(self) -> None:
+        """Take off if configured, else wait until the operator has."""
+        assert self._process is not None  # connected
+        self._wait(lambda: self._shot is not None, "no picture from the ANAFI")
+        with self._changed:  # no event between seeing that it flies and watching who lands it
+            if self._setup.take_off and self._state in ("", "landed"):  # elsewhere it would undo a landing
+                self._watched, self._in_command = True, "shipland"
+                self._process.say({"take_off": True})
+            words, timeout_s = "the ANAFI has not taken off", self._parameters.engage_timeout_s
+            self._wait(lambda: self._state in _AIRBORNE, words, timeout_s)
+            self._pictured_s = self._still_s = time.monotonic()
+            self._watched = self._engaged = True
+            self._in_command = "shipland"
 
     def read(self) -> tuple[Frame | None, Telemetry] | None:
         """The newest picture not given, or none within `LONGEST_WAIT_S`; None when the flight is over."""
@@ -191,16 +152,10 @@ class AnafiVehicle:
                 self._process.say({"gimbal_deg": math.degrees(command.gimbal_pitch_rad)})
             self._land_when_down(command, now_s)
 
-    @uninterrupted()
-    def close(self) -> None:
-        """Release the sticks and let go; the ANAFI holds its place. No signal cuts it short."""
-        if self._closed:
-            return
-        self._closed = True
+    def _leave(self) -> None:
+        """The closed process releases the sticks, and the ANAFI holds its place."""
         if self._in_command == "shipland":
             self._in_command = "the ANAFI itself (holds)"
-        if self._process is not None:
-            self._process.close()
 
     def checks(self) -> list[Check]:
         """What of it is fit to fly; once connected."""
@@ -279,7 +234,7 @@ class AnafiVehicle:
     def _take(self, record: Mapping[str, Any], data: bytes) -> None:
         kind, t_s, values = record["kind"], min(finite(record["t_s"]), time.monotonic()), record.get("values", {})
         if kind == "connected":
-            self._connected = True
+            self._answers = True
         elif kind == "problem":
             self._problem = str(record["words"])
         elif kind == "refused":
@@ -338,12 +293,10 @@ class AnafiVehicle:
         gimbal = None
         if record.get("metadata"):
             try:
-                moment = moment_of(record["metadata"])
+                self._telemetry, gimbal = with_metadata(self._telemetry, record["metadata"], exposed_s)
             except (KeyError, ValueError, TypeError, OverflowError):
                 self._refused += 1
             else:
-                gimbal = moment.gimbal
-                self._telemetry = with_moment(self._telemetry, moment, exposed_s)
                 self._attitudes.append(arrived_s)
         self._pictures.append(arrived_s)
         self._late.append(arrived_s - exposed_s - self._parameters.latency_s)
@@ -362,3 +315,8 @@ _WINDOW_S = 3.0
 def _rate_hz(times_s: deque[float]) -> float:
     late = [t_s for t_s in list(times_s) if t_s > time.monotonic() - _WINDOW_S]
     return (len(late) - 1) / (late[-1] - late[0]) if len(late) > 1 and late[-1] > late[0] else 0.0
+
+
+def anafi(setup: VehicleSetup) -> Vehicle:
+    """`anafi://192.168.42.1?python=/path/of/olympe/bin/python&stream=rtsp://192.168.42.1/live&takeoff=1`."""
+    return AnafiVehicle(AnafiSetup.of(setup))

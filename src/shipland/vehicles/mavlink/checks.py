@@ -7,7 +7,7 @@ import time
 
 from shipland.guidance.response import Response
 from shipland.vehicles.camera_stream import CameraStream
-from shipland.vehicles.checks import Check, limits_text
+from shipland.vehicles.checks import Check, battery_check, limits_text
 from shipland.vehicles.mavlink.dialect import dialect
 from shipland.vehicles.mavlink.modes import mode_name
 from shipland.vehicles.mavlink.parameters import VehicleLimits
@@ -31,7 +31,6 @@ def link_checks(
     state, wanted, now_s = session.state, setup.preflight, time.monotonic()
     times_s = [t_s for t_s, _, _ in session.attitudes if now_s - t_s <= _RATE_S]
     rate_hz = len(times_s) / _RATE_S
-    battery = battery_at(state, now_s)
     name = "PX4" if state.autopilot == PX4 else "ArduPilot"
     lines = [
         Check("autopilot", True, f"{name}, system {session.link.vehicle}, mode {mode_name(state)}"),
@@ -53,10 +52,7 @@ def link_checks(
             "geofence", limits.fence,
             "on" if limits.fence else "off on the vehicle: set FENCE_ENABLE = 1 (ArduPilot) or GF_ACTION (PX4)",
         ),
-        Check(
-            "battery", battery is not None and battery >= wanted.battery_percent,
-            "unknown" if battery is None else f"{battery:.0f} %, at least {wanted.battery_percent:g}",
-        ),
+        battery_check(battery_at(state, now_s), wanted.battery_percent),
         Check(
             "signing", True,
             "on" if setup.key is not None else "off: whoever reaches the link can speak to the vehicle",

@@ -64,7 +64,7 @@ class Control:
             self.granted = ours and self._left_guided
             if not ours and self._asked_in not in (None, after.mode):
                 self.lose(f"the pilot took over: {mode_name(after)}")
-        elif after.reboots != before.reboots:
+        elif after.clock.restarts != before.clock.restarts:
             self.lose("the autopilot has restarted")
         elif before.armed and not after.armed:
             self.lose(MOTORS_STOPPED)

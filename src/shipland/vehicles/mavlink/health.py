@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
-from shipland.vehicles.mavlink.dialect import dialect
+from shipland.vehicles.mavlink.dialect import Message, dialect
 
 ALERT_S = 3.0
 """An alert that is not said again for so long is over; every one of these messages comes twice a second or more."""
@@ -29,19 +28,19 @@ _STATES = {5: "CRITICAL", 6: "EMERGENCY"}
 """MAV_STATE."""
 
 
-def heartbeat_alert(it: Any) -> str:  # noqa: ANN401 - generated
+def heartbeat_alert(it: Message) -> str:
     """Of HEARTBEAT."""
     return f"the autopilot says {_STATES[it.system_status]}" if it.system_status in _STATES else ""
 
 
-def sensors_alert(it: Any) -> str:  # noqa: ANN401 - generated
+def sensors_alert(it: Message) -> str:
     """Of SYS_STATUS: what is present, enabled and not healthy."""
     ill = it.onboard_control_sensors_present & it.onboard_control_sensors_enabled & ~it.onboard_control_sensors_health
     names = ", ".join(words for bit, words in _SENSORS.items() if ill & bit)
     return f"not healthy: {names}" if names else ""
 
 
-def ardupilot_estimator_alert(it: Any) -> str:  # noqa: ANN401 - generated
+def ardupilot_estimator_alert(it: Message) -> str:
     """Of EKF_STATUS_REPORT."""
     parts = {
         "velocity": it.velocity_variance, "place": it.pos_horiz_variance, "height": it.pos_vert_variance,
@@ -50,7 +49,7 @@ def ardupilot_estimator_alert(it: Any) -> str:  # noqa: ANN401 - generated
     return _estimator_alert(it.flags, _ARDUPILOT_UNWANTED, parts, _ARDUPILOT_VARIANCE)
 
 
-def px4_estimator_alert(it: Any) -> str:  # noqa: ANN401 - generated
+def px4_estimator_alert(it: Message) -> str:
     """Of ESTIMATOR_STATUS."""
     parts = {
         "velocity": it.vel_ratio, "place": it.pos_horiz_ratio, "height": it.pos_vert_ratio, "compass": it.mag_ratio,

@@ -20,7 +20,6 @@ from shipland.aside import LogAside
 from shipland.errors import ConfigError
 from shipland.soundness import is_new
 from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
-from shipland.vehicles.mavlink.guard import Orders
 
 if TYPE_CHECKING:
     from shipland.vehicles.mavlink.guard_process import GuardedPort
@@ -49,6 +48,7 @@ class MavlinkLink:
     Args:
         port: the bytes.
         system, component: our own ids.
+        vehicle: system id to follow; None for the first autopilot that says a heartbeat.
         on_message: called on the receiving thread with a message and its time of receipt [s, `time.monotonic`].
         key: 32 bytes: what is sent is signed, what is not signed with it is refused.
         log: raw messages of both directions, as a telemetry log (.tlog) has them; written aside, since a disk that
@@ -60,17 +60,17 @@ class MavlinkLink:
         port: GuardedPort,
         system: int,
         component: int,
+        vehicle: int | None,
         on_message: Callable[[Message, float], None],
         key: bytes | None = None,
         log: BinaryIO | None = None,
     ) -> None:
-        self._port, self._on_message = port, on_message
+        self.port, self._wanted, self._on_message = port, vehicle, on_message
         self._log: LogAside[bytes] | None = None if log is None else LogAside(log, "mavlink-log")
         self._codec = Codec(system, component, key, link=component)
         self._lock = threading.Lock()
         self._peer: object = None
         self._vehicle: int | None = None
-        self._wanted: int | None = None
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._receive, name="mavlink-receive", daemon=True)
         self._known = set[type[Exception]]()
@@ -89,10 +89,6 @@ class MavlinkLink:
         """Our system and component id."""
         return self._codec.srcSystem, self._codec.srcComponent
 
-    def follow(self, vehicle: int | None) -> None:
-        """Take the next autopilot that says a heartbeat, or only the one with this system id."""
-        self._wanted = vehicle
-
     def start(self) -> None:
         """Begin to receive."""
         self._thread.start()
@@ -102,33 +98,24 @@ class MavlinkLink:
         with self._lock:
             try:
                 data = self._codec.encode(message)
-                self._port.send(data, self._peer)
+                self.port.send(data, self._peer)
             except (OSError, struct.error, ValueError, TypeError, OverflowError):
                 return False
             self._write(data)
         return True
-
-    def watch(self, orders: Orders | None) -> None:
-        """See `GuardedPort`."""
-        self._port.watch(orders)
-
-    @property
-    def problem(self) -> str:
-        """See `GuardedPort`."""
-        return self._port.problem
 
     def close(self) -> None:
         """Stop receiving and let go of the port."""
         self._stopping.set()
         if self._thread.is_alive():
             self._thread.join(1.0)
-        self._port.close()
+        self.port.close()
         if self._log is not None:
             self._log.close()
 
     def take(self, data: bytes, sender: object, received_s: float) -> None:
         """Take in bytes of a sender; the receiving thread's work, and what a test feeds."""
-        messages, malformed = self._codec.decode_some(data, self._port.stream)
+        messages, malformed = self._codec.decode_some(data, self.port.stream)
         self.counts.malformed += malformed
         for message in messages:
             if not self._is_ours(message, sender):
@@ -164,7 +151,7 @@ class MavlinkLink:
     def _receive(self) -> None:
         while not self._stopping.is_set():
             try:
-                got = self._port.receive()
+                got = self.port.receive()
             except Exception:  # a port that is gone is silence
                 time.sleep(0.1)
                 continue

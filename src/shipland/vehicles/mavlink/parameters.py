@@ -10,10 +10,9 @@ from typing import Literal
 from shipland.config import build, key, parameters, require
 from shipland.errors import VehicleError
 from shipland.guidance.response import Response
-from shipland.vehicles.mavlink.setpoints import ClimbScale
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4
 from shipland.vehicles.pace import First
-from shipland.vehicles.parameters import SetpointParameters
+from shipland.vehicles.parameters import SetpointParameters, measured
 
 
 @parameters
@@ -161,20 +160,6 @@ class VehicleLimits:
             velocity_reference="surface" if values.get("EK3_SRC1_VELXY") == _OPTICAL_FLOW else "ground",
         )
 
-    @property
-    def climb_scale(self) -> ClimbScale:
-        """What thrust means to an ArduPilot.
-
-        Raises:
-            VehicleError: it did not say how fast it climbs and sinks.
-        """
-        if not (0.0 < self.up_mps < math.inf and 0.0 < self.down_mps < math.inf):
-            raise VehicleError(
-                "the vehicle did not say its largest climb and sink rate (WPNAV_SPEED_UP, WPNAV_SPEED_DN); "
-                "without them thrust has no meaning"
-            )
-        return ClimbScale(self.up_mps, self.down_mps)
-
 
 def response_within(
     parameters: MavlinkParameters, limits: VehicleLimits, autopilot: int, table: Mapping[str, object]
@@ -193,16 +178,7 @@ def response_within(
         ConfigError: the table is wrong.
     """
     kind = "velocity" if autopilot == PX4 else parameters.kind
-    lags = table.get(kind, {})
-    assert isinstance(lags, Mapping)
-    speeds = {"max_speed_mps": 0.0, "servo_per_s": 0.0}
-    if kind == "velocity":
-        speeds = {"max_speed_mps": min(parameters.max_speed_mps, limits.speed_mps)}
-    own = {
-        "kind": kind,
-        "max_tilt_rad": min(math.radians(parameters.max_tilt_deg), limits.tilt_rad),
-        "max_climb_mps": min(parameters.max_climb_mps, limits.up_mps, limits.down_mps),
-        "max_turn_rad_s": math.radians(parameters.max_turn_deg_s),
-    }
+    speed_mps, climb_mps = min(parameters.max_speed_mps, limits.speed_mps), min(limits.up_mps, limits.down_mps)
+    sticks = parameters.full_sticks(kind, tilt_rad=limits.tilt_rad, climb_mps=climb_mps, speed_mps=speed_mps)
     reference = {"velocity_reference": limits.velocity_reference}
-    return build(Response, {**reference, **dict(lags), **speeds, **own}, f"response.{kind}")
+    return build(Response, reference | measured(kind, table) | sticks, f"response.{kind}")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from shipland.errors import VehicleError
 from shipland.stopping import check_stop, sleep_or_stop
+from shipland.vehicles.gimbal import Reading
 from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
 from shipland.vehicles.mavlink.guard import Orders
 from shipland.vehicles.mavlink.link import LinkCounts, MavlinkLink
@@ -27,7 +28,7 @@ from shipland.vehicles.mavlink.modes import (
     PX4_OFFBOARD,
     PX4_POSITION,
 )
-from shipland.vehicles.mavlink.setpoints import MavlinkTarget, level_message, velocity_message
+from shipland.vehicles.mavlink.setpoints import AUTOPILOT, level_message, velocity_message
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState, RefusedError, absorb
 from shipland.vehicles.wanted import HOLD
 
@@ -58,9 +59,6 @@ _MULTICOPTERS = {2, 3, 4, 13, 14, 15, 29, 35, 43}
 _PX4_VTOLS = set(range(19, 26))
 """MAV_TYPE; they hover, and PX4's modes are the same on all its vehicles."""
 
-History = list[tuple[float, float, float]]
-"""(time, roll, pitch), in order of time."""
-
 
 def _never() -> bool:
     return False
@@ -89,24 +87,23 @@ class Session:
         on_state: Callable[[AutopilotState, AutopilotState], None],
     ) -> None:
         self._on_state, self._key = on_state, key
-        self.link = MavlinkLink(port, system, component, self._take, key, log)
-        self.link.follow(vehicle)
+        self.link = MavlinkLink(port, system, component, vehicle, self._take, key, log)
         self.state = AutopilotState()
         """The newest; replaced as a whole by the receiving thread."""
         self.refused = 0
         """Sound messages with impossible values."""
         self._lock = threading.Lock()
-        self._attitudes: deque[tuple[float, float, float]] = deque(maxlen=_HISTORY)
-        self._mounts: deque[tuple[float, float, float]] = deque(maxlen=_HISTORY)
+        self._attitudes: deque[Reading] = deque(maxlen=_HISTORY)
+        self._mounts: deque[Reading] = deque(maxlen=_HISTORY)
 
     @property
-    def attitudes(self) -> History:
+    def attitudes(self) -> list[Reading]:
         """Attitudes of the body, as received so far."""
         with self._lock:
             return list(self._attitudes)
 
     @property
-    def mounts(self) -> History:
+    def mounts(self) -> list[Reading]:
         """Attitudes of the camera's mount against the horizon, as received so far."""
         with self._lock:
             return list(self._mounts)
@@ -132,11 +129,6 @@ class Session:
         """Whether a command's answer is to us or a broadcast, and not to another ground station."""
         system, component = self.link.own
         return answer.target_system in (0, system) and answer.target_component in (0, component)
-
-    @property
-    def target(self) -> MavlinkTarget:
-        """Who we talk to."""
-        return MavlinkTarget(self.link.vehicle)
 
     def connect(self, timeout_s: float) -> None:
         """Wait for a heartbeat and request messages; VehicleError without a vehicle."""
@@ -177,9 +169,8 @@ class Session:
         """
         if number == _SET_MODE and time.monotonic() - self.state.heartbeat_s > MODE_KNOWN_S:
             return
-        target = self.target
         values = [*map(float, parameters), *[0.0] * (7 - len(parameters))]
-        self.link.send(dialect.MAVLink_command_long_message(target.system, target.component, number, 0, *values))
+        self.link.send(dialect.MAVLink_command_long_message(self.link.vehicle, AUTOPILOT, number, 0, *values))
 
     def ask(self, number: int, *parameters: float, timeout_s: float = 3.0, unless: Callable[[], bool] = _never) -> int:
         """Send a command and wait for its MAV_RESULT, sending again each second.
@@ -239,20 +230,19 @@ class Session:
 
     def guard_orders(self, setpoint_hz: float, gap_s: float, silence_s: float) -> Orders:
         """What the link's guard is to do without us, on this autopilot; see `Orders`."""
-        target = self.target
-        codec = Codec(*self.link.own)
+        vehicle, codec = self.link.vehicle, Codec(*self.link.own)
 
         def packed(message: Message) -> str:
             return codec.encode(message).hex()
 
-        hold = packed(velocity_message(HOLD, target, 0))
-        holds = {str(GUIDED): hold, str(GUIDED_NOGPS): packed(level_message(target))}
+        hold = packed(velocity_message(HOLD, vehicle, 0))
+        holds = {str(GUIDED): hold, str(GUIDED_NOGPS): packed(level_message(vehicle))}
         px4 = self.state.autopilot == PX4
         mode = (1.0, *map(float, self._hold_mode), 0.0, 0.0, 0.0, 0.0)
-        ask = dialect.MAVLink_command_long_message(target.system, target.component, _SET_MODE, 0, *mode)
+        ask = dialect.MAVLink_command_long_message(vehicle, AUTOPILOT, _SET_MODE, 0, *mode)
         return Orders(
             own=self.link.own,
-            vehicle=target.system,
+            vehicle=vehicle,
             key="" if self._key is None else self._key.hex(),
             setpoint_hz=setpoint_hz,
             gap_s=gap_s,
@@ -287,9 +277,8 @@ class Session:
         while time.monotonic() < end_s:
             missing = [name for name in names if name not in known]
             for name in missing:
-                target = self.target
                 self.link.send(
-                    dialect.MAVLink_param_request_read_message(target.system, target.component, name.encode(), -1)
+                    dialect.MAVLink_param_request_read_message(self.link.vehicle, AUTOPILOT, name.encode(), -1)
                 )
             sleep_or_stop(0.3)
             found = self.state.parameters

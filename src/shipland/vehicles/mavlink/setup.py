@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from shipland.camera import Camera
-from shipland.config import build, merge
+from shipland.config import build
 from shipland.errors import ConfigError, VehicleError
 from shipland.vehicles.address import Address, VehicleSetup
 from shipland.vehicles.camera_stream import PictureSource, StreamParameters, VideoSource
@@ -86,9 +85,6 @@ class MavlinkSetup:
         """From an address and the vehicles' table; ConfigError when either is wrong."""
         address, table = setup.address, setup.table
         address.only(*OPTIONS)
-        section = dict(table["mavlink"])
-        if "kind" in address.options:
-            section = merge(section, {"kind": address.options["kind"]})
         system = address.number("system", 0.0)
         if not (0.0 <= system < 256.0 and system == int(system)):
             raise ConfigError(f"mavlink://…?system={system:g}: expected 1 to 255")
@@ -99,7 +95,6 @@ class MavlinkSetup:
         take_off_m = address.number("takeoff", 0.0)
         if not 0.0 <= take_off_m <= 50.0:
             raise ConfigError(f"mavlink://…?takeoff={take_off_m:g}: expected 0 to 50 m")
-        pitch_deg = address.number("mount_deg", math.nan) if "mount_deg" in address.options else None
         return MavlinkSetup(
             place=address.place,
             vehicle=int(system) or None,
@@ -109,10 +104,10 @@ class MavlinkSetup:
             source=source,
             brings_gimbal=brings_gimbal,
             latency_s=None if brings_gimbal else stream.latency_s,
-            fixed_pitch_rad=None if pitch_deg is None else math.radians(pitch_deg),
+            fixed_pitch_rad=setup.fixed_pitch_rad,
             open_timeout_s=stream.open_timeout_s,
             engagement=Engagement(address.flag("take"), take_off_m, address.flag("own_landing")),
-            parameters=build(MavlinkParameters, section, "vehicles.mavlink"),
+            parameters=build(MavlinkParameters, setup.section("mavlink"), "vehicles.mavlink"),
             touchdown=build(TouchdownParameters, table["touchdown"], "vehicles.touchdown"),
             preflight=build(PreflightParameters, table["preflight"], "vehicles.preflight"),
             response_table=table["response"],

@@ -6,10 +6,9 @@ import math
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from shipland.frames import wrap_angle
-from shipland.vehicles.mavlink.dialect import dialect
+from shipland.vehicles.mavlink.dialect import Message, dialect
 from shipland.vehicles.mavlink.health import (
     ardupilot_estimator_alert,
     heartbeat_alert,
@@ -150,11 +149,6 @@ class AutopilotState:
     acknowledged: dict[int, tuple[int, int]] = field(default_factory=dict)
     texts: tuple[str, ...] = ()
 
-    @property
-    def reboots(self) -> int:
-        """How often the autopilot has restarted."""
-        return self.clock.restarts
-
     def answers(self, command: int) -> int:
         """How many commands of a number were answered."""
         return self.acknowledged.get(command, (0, 0))[1]
@@ -183,7 +177,7 @@ class RefusedError(ValueError):
     """A sound message with values that no vehicle has."""
 
 
-def absorb(state: AutopilotState, message: Any, received_s: float) -> AutopilotState:  # noqa: ANN401 - generated
+def absorb(state: AutopilotState, message: Message, received_s: float) -> AutopilotState:
     """The state after a message; the same where it says nothing new, or comes from a component that does not count.
 
     Raises:
@@ -215,7 +209,7 @@ def _alerted(state: AutopilotState, about: str, received_s: float, words: str) -
     return replace(state, alerts=state.alerts | {about: (received_s, words)})
 
 
-def _heartbeat(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+def _heartbeat(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
     armed = bool(it.base_mode & ARMED_FLAG)
     state = _alerted(state, "autopilot", received_s, heartbeat_alert(it))
     return replace(
@@ -223,7 +217,7 @@ def _heartbeat(state: AutopilotState, it: Any, received_s: float) -> AutopilotSt
     )
 
 
-def _attitude(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+def _attitude(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
     _finite(it.roll, it.pitch, it.yaw, it.rollspeed, it.pitchspeed, it.yawspeed, bound=200.0)
     state, t_s = _clock(state, it.time_boot_ms, received_s)
     return replace(
@@ -231,30 +225,30 @@ def _attitude(state: AutopilotState, it: Any, received_s: float) -> AutopilotSta
     )  # fmt: skip
 
 
-def _local_position(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+def _local_position(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
     _finite(it.x, it.y, it.z, it.vx, it.vy, it.vz, bound=1e6)
     state, t_s = _clock(state, it.time_boot_ms, received_s)
     velocity = (it.vx, it.vy, it.vz)
     return replace(state, velocity_t_s=t_s, velocity_in_ned_mps=velocity, north_m=it.x, east_m=it.y, down_m=it.z)
 
 
-def _global_position(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+def _global_position(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
     state, t_s = _clock(state, it.time_boot_ms, received_s)
     return replace(state, height_t_s=t_s, height_m=1e-3 * it.relative_alt)
 
 
-def _hud(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+def _hud(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
     return replace(state, throttle_t_s=received_s, throttle_percent=float(it.throttle))
 
 
-def _range(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+def _range(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
     if it.orientation != 25:  # MAV_SENSOR_ROTATION_PITCH_270: downwards
         return state
     known = it.min_distance <= it.current_distance <= it.max_distance
     return replace(state, range_t_s=received_s, range_m=1e-2 * it.current_distance if known else None)
 
 
-def _battery(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+def _battery(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
     if it.id != _FIRST_BATTERY:
         return state
     remaining = it.battery_remaining
@@ -262,12 +256,12 @@ def _battery(state: AutopilotState, it: Any, received_s: float) -> AutopilotStat
     return replace(state, battery_t_s=received_s, battery_percent=percent)
 
 
-def _radio(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+def _radio(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
     percent = None if it.rssi == _NONE_U8 else 100.0 * it.rssi / 254.0
     return replace(state, link_t_s=received_s, link_percent=percent)
 
 
-def _gimbal(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+def _gimbal(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
     speaker = it.get_srcComponent(), it.gimbal_device_id
     if speaker[0] not in _GIMBALS or state.gimbal not in (None, speaker):
         return state
@@ -282,7 +276,7 @@ def _gimbal(state: AutopilotState, it: Any, received_s: float) -> AutopilotState
     )  # fmt: skip
 
 
-def _receiver(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+def _receiver(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
     sticks = (it.chan1_raw, it.chan2_raw, it.chan3_raw, it.chan4_raw)
     reported = it.chancount >= 4 and _NONE_U16 not in sticks
     moved_by_hand = reported and all(_STICKS_US[0] <= stick <= _STICKS_US[1] for stick in sticks)
@@ -291,7 +285,7 @@ def _receiver(state: AutopilotState, it: Any, received_s: float) -> AutopilotSta
     return replace(state, sticks_t_s=received_s, sticks_us=sticks if moved_by_hand else ())
 
 
-def _parameter(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
+def _parameter(state: AutopilotState, it: Message, _received_s: float) -> AutopilotState:
     value = float(it.param_value)
     if state.autopilot == PX4 and it.param_type in (5, 6):  # PX4 sends whole numbers as their bytes
         value = float(struct.unpack("<i", struct.pack("<f", it.param_value))[0])
@@ -299,15 +293,15 @@ def _parameter(state: AutopilotState, it: Any, _received_s: float) -> AutopilotS
     return replace(state, parameters=state.parameters | {it.param_id: value})
 
 
-def _acknowledge(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
+def _acknowledge(state: AutopilotState, it: Message, _received_s: float) -> AutopilotState:
     return replace(state, acknowledged=state.acknowledged | {it.command: (it.result, state.answers(it.command) + 1)})
 
 
-def _text(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
+def _text(state: AutopilotState, it: Message, _received_s: float) -> AutopilotState:
     return replace(state, texts=(*state.texts[-49:], str(it.text)))
 
 
-def _times(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+def _times(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
     """The answer to our own question: tc1 is the autopilot's clock, ts1 what we asked with [ns]."""
     asked_s = 1e-9 * it.ts1
     round_trip_s = received_s - asked_s
@@ -316,10 +310,10 @@ def _times(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:
     return replace(state, trips_s=(*state.trips_s[1 - _TRIPS :], round_trip_s), asked_s=asked_s)
 
 
-_Handler = Callable[[AutopilotState, Any, float], AutopilotState]
+_Handler = Callable[[AutopilotState, Message, float], AutopilotState]
 
 
-def _alerting(about: str, words_of: Callable[[Any], str]) -> _Handler:
+def _alerting(about: str, words_of: Callable[[Message], str]) -> _Handler:
     return lambda state, it, received_s: _alerted(state, about, received_s, words_of(it))
 
 

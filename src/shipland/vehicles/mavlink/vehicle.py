@@ -15,7 +15,6 @@ from shipland.frames import Array
 from shipland.guidance.response import Response
 from shipland.messages import FlightRecord, GimbalAttitude, Intent, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
-from shipland.stopping import uninterrupted
 from shipland.vehicles.address import VehicleSetup
 from shipland.vehicles.checks import Check
 from shipland.vehicles.gimbal import gimbal_at
@@ -34,7 +33,7 @@ from shipland.vehicles.mavlink.parameters import (
 )
 from shipland.vehicles.mavlink.publish import Mounting, tell
 from shipland.vehicles.mavlink.session import Session
-from shipland.vehicles.mavlink.setpoints import AttitudeTarget, velocity_message
+from shipland.vehicles.mavlink.setpoints import AUTOPILOT, attitude_message, thrust_of, velocity_message
 from shipland.vehicles.mavlink.setup import MavlinkSetup, open_session
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
 from shipland.vehicles.mavlink.taking import Taking
@@ -95,42 +94,28 @@ class MavlinkVehicle(SetpointVehicle):
             raise VehicleError("the vehicle is not connected")
         return self._session
 
-    def connect(self) -> None:
-        """Link, parameters and camera, without taking control; once is enough.
-
-        Raises:
-            VehicleError: something does not answer.
-        """
-        if self._session is not None:
-            return
+    def _connect(self) -> None:
         parameters = self._parameters
-        try:
-            session = self._session = open_session(self._setup, self._on_state)
-            self._stack.callback(session.link.close)
-            session.connect(parameters.connect_timeout_s)
-            autopilot = session.state.autopilot
-            values = session.read_parameters(
-                PX4_NAMES if autopilot == PX4 else ARDUPILOT_NAMES,
-                lambda found: not missing_parameters(autopilot, found),
-            )
-            limits = self._limits = VehicleLimits.of(autopilot, values)
-            self._told = values
-            self._response = response_within(parameters, limits, autopilot, self._setup.response_table)
-            hover = limits.hover_throttle or parameters.hover_throttle
-            self._taking = Taking(session, self._control, parameters, lambda: self._closed)
-            self._motors = MotorStop(session, parameters, self._setup.touchdown, hover)
-            self._press_mps = min(self._setup.touchdown.press_mps, limits.down_mps)
-            self._tilts = None
-            if self._response.kind == "attitude":
-                self._tilts = AttitudeTarget(limits.climb_scale, session.target)
-            hz, gap_s, silence_s = parameters.setpoint_hz, parameters.setpoint_gap_s, parameters.link_timeout_s
-            session.link.watch(session.guard_orders(hz, gap_s, silence_s))
-            self._start_stream(self._setup.source)
-            self._await_picture(self._setup.open_timeout_s, "it keeps silent")
-            self._start_set_points("mavlink-set-points", parameters.goes_first)
-        except BaseException:
-            self._stack.close()
-            raise
+        session = self._session = open_session(self._setup, self._on_state)
+        self._stack.callback(session.link.close)
+        session.connect(parameters.connect_timeout_s)
+        autopilot = session.state.autopilot
+        values = session.read_parameters(
+            PX4_NAMES if autopilot == PX4 else ARDUPILOT_NAMES,
+            lambda found: not missing_parameters(autopilot, found),
+        )
+        limits = self._limits = VehicleLimits.of(autopilot, values)
+        self._told = values
+        self._response = response_within(parameters, limits, autopilot, self._setup.response_table)
+        hover = limits.hover_throttle or parameters.hover_throttle
+        self._taking = Taking(session, self._control, parameters, lambda: self._closed)
+        self._motors = MotorStop(session, parameters, self._setup.touchdown, hover)
+        self._press_mps = min(self._setup.touchdown.press_mps, limits.down_mps)
+        hz, gap_s, silence_s = parameters.setpoint_hz, parameters.setpoint_gap_s, parameters.link_timeout_s
+        session.link.port.watch(session.guard_orders(hz, gap_s, silence_s))
+        self._start_stream(self._setup.source)
+        self._await_picture(self._setup.open_timeout_s, "it keeps silent")
+        self._start_set_points("mavlink-set-points", parameters.goes_first)
 
     def _engage(self) -> None:
         self._opening = True
@@ -141,12 +126,7 @@ class MavlinkVehicle(SetpointVehicle):
         """The newest that has come, stamped with `t_s`."""
         return telemetry_of(self.session.state, t_s if math.isfinite(t_s) else time.monotonic())
 
-    @uninterrupted()
-    def close(self) -> None:
-        """Leave the vehicle holding, where it is still ours, and let go of it; no signal cuts it short."""
-        if self._closed:
-            return
-        self._closed = True
+    def _leave(self) -> None:
         with self._lock:
             self._command = None
         session = self._session
@@ -154,13 +134,14 @@ class MavlinkVehicle(SetpointVehicle):
             self._end("the flight was ended here; the vehicle holds")
             if self._control.answers_for(session.state):
                 self._control.released = True
-                session.link.send(velocity_message(HOLD, session.target, int(1e3 * time.monotonic()) & 0xFFFFFFFF))
+                session.link.send(
+                    velocity_message(HOLD, session.link.vehicle, int(1e3 * time.monotonic()) & 0xFFFFFFFF)
+                )
                 session.ask_hold(self._control.answers_for)
             until_s = time.monotonic() + 3.0 * _HAND_OVER_S
             while self._control.by_sticks and time.monotonic() < until_s:
                 time.sleep(0.02)  # the set-points' thread is asking for a mode that obeys the pilot
-            session.link.watch(None)
-        self._stack.close()
+            session.link.port.watch(None)
 
     def checks(self) -> list[Check]:
         """What of link, camera and vehicle is fit to fly; once connected."""
@@ -203,10 +184,10 @@ class MavlinkVehicle(SetpointVehicle):
     def _end(self, reason: str) -> None:
         """No more frames; the first reason stands. Where control is still ours, set-points to hold go on."""
         if not self._end_reason:
-            link = self.session.link
-            self._end_reason = f"{reason}; {link.problem}" if link.problem else reason
+            port = self.session.link.port
+            self._end_reason = f"{reason}; {port.problem}" if port.problem else reason
             if self._control.lost:
-                link.watch(None)  # silence is meant from now on
+                port.watch(None)  # silence is meant from now on
             with self._lock:
                 self._command = None
 
@@ -286,14 +267,16 @@ class MavlinkVehicle(SetpointVehicle):
         return self._control.has(state) and (self._engaged or state.autopilot == PX4)
 
     def _set_point(self, wanted: Wanted, state: AutopilotState, step_s: float, boot_ms: int) -> None:
-        session = self.session
-        by_speed = wanted.hold and state.mode != GUIDED_NOGPS
-        if self._tilts is None or by_speed or not math.isfinite(state.heading_rad):
-            if self._tilts is not None:
-                self._tilts.rest()
-            session.link.send(velocity_message(wanted, session.target, boot_ms))
-        else:
-            session.link.send(self._tilts.message(wanted, state.heading_rad, step_s, boot_ms))
+        link, limits = self.session.link, self._limits
+        assert limits is not None  # connected
+        by_speed = self.response().kind == "velocity" or (wanted.hold and state.mode != GUIDED_NOGPS)
+        if by_speed or not math.isfinite(state.heading_rad):
+            self._heading.rest()
+            link.send(velocity_message(wanted, link.vehicle, boot_ms))
+            return
+        to_rad = self._heading.next_rad(wanted.turn_rad_s, state.heading_rad, step_s)
+        thrust = thrust_of(wanted.climb_mps, limits.up_mps, limits.down_mps)
+        link.send(attitude_message(wanted, to_rad, thrust, link.vehicle, boot_ms))
 
     def _let_it_land(self, landing: bool, state: AutopilotState, now_s: float) -> None:
         """Ask for the autopilot's own landing while the pilot lands; until it is given, the pilot's goes on."""
@@ -309,11 +292,11 @@ class MavlinkVehicle(SetpointVehicle):
             self._turn_camera(command.gimbal_pitch_rad)
 
     def _turn_camera(self, pitch_rad: float) -> None:
-        target, nan = self.session.target, math.nan
+        link, nan = self.session.link, math.nan
         # roll and pitch against the horizon, yaw with the aircraft
-        self.session.link.send(
+        link.send(
             dialect.MAVLink_gimbal_manager_set_pitchyaw_message(
-                target.system, target.component, 4 | 8, 0, pitch_rad, 0.0, nan, nan
+                link.vehicle, AUTOPILOT, 4 | 8, 0, pitch_rad, 0.0, nan, nan
             )
         )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from shipland.vehicles.camera_stream import CameraStream
-from shipland.vehicles.checks import Check, limits_text
+from shipland.vehicles.checks import Check, battery_check, limits_text
 from shipland.vehicles.ros2.setup import Ros2Setup
 from shipland.vehicles.ros2.state import Heard
 
@@ -19,7 +19,6 @@ def ros2_checks(heard: Heard, stream: CameraStream, setup: Ros2Setup) -> list[Ch
     rate_hz, telemetry = heard.attitude_hz(_RATE_S), heard.telemetry_at(now_s)
     silent_s = now_s - heard.state_s
     stated = "" if setup.latency_s is None else f", {setup.latency_s:g} s of it stated"
-    battery = telemetry.battery_percent
     lines = [
         Check(
             "state", silent_s <= _RATE_S,
@@ -40,11 +39,7 @@ def ros2_checks(heard: Heard, stream: CameraStream, setup: Ros2Setup) -> list[Ch
             f"{stream.age_s:.3f} s at receipt{stated}, at most {wanted.picture_age_s:g}",
         ),
         Check("limits", True, limits_text(setup.response) + ", as configured: a ROS 2 vehicle does not tell them"),
-        Check(
-            "battery", battery is not None and battery >= wanted.battery_percent,
-            f"/{topics['battery']}: unknown" if battery is None
-            else f"{battery:.0f} %, at least {wanted.battery_percent:g}",
-        ),
+        battery_check(telemetry.battery_percent, wanted.battery_percent, f"/{topics['battery']}: "),
     ]  # fmt: skip
     if setup.camera is None:
         lines.insert(0, Check("calibration", True, f"/{topics['camera_info']}"))

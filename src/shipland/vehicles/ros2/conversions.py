@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -25,7 +24,7 @@ from shipland.frames import (
     rotation_from_quaternion,
 )
 from shipland.messages import GimbalAttitude, Telemetry
-from shipland.vehicles.ros2.types import message
+from shipland.vehicles.ros2.types import Message, message
 from shipland.vehicles.wanted import Wanted
 
 ODOM, BASE_LINK, BASE_LEVEL, CUE, DECK = "odom", "base_link", "base_level", "cue", "deck"
@@ -41,34 +40,34 @@ _EVERYTHING_COUNTS = 0
 # Headers and geometry
 
 
-def stamp(t_s: float) -> Any:  # noqa: ANN401 - ROS messages have no static types
+def stamp(t_s: float) -> Message:
     """A time since the epoch [s]."""
     whole_s = math.floor(t_s)
     nanoseconds = min(round(1e9 * (t_s - whole_s)), 999_999_999)
     return message("builtin_interfaces/msg/Time", sec=int(whole_s), nanosec=nanoseconds)
 
 
-def seconds(stamped: Any) -> float:  # noqa: ANN401
+def seconds(stamped: Message) -> float:
     """The inverse of `stamp` [s]."""
     return float(stamped.sec) + 1e-9 * float(stamped.nanosec)
 
 
-def header(t_s: float, frame: str) -> Any:  # noqa: ANN401
+def header(t_s: float, frame: str) -> Message:
     """std_msgs/Header."""
     return message("std_msgs/msg/Header", stamp=stamp(t_s), frame_id=frame)
 
 
-def _vector(kind: str, values: Array) -> Any:  # noqa: ANN401
+def _vector(kind: str, values: Array) -> Message:
     x, y, z = (float(value) for value in values)
     return message(kind, x=x, y=y, z=z)
 
 
-def _quaternion(rotation: Array) -> Any:  # noqa: ANN401
+def _quaternion(rotation: Array) -> Message:
     w, x, y, z = quaternion_from_rotation(rotation)
     return message("geometry_msgs/msg/Quaternion", w=w, x=x, y=y, z=z)
 
 
-def _rotation(quaternion: Any) -> Array | None:  # noqa: ANN401
+def _rotation(quaternion: Message) -> Array | None:
     """None where it is not finite or has no length."""
     values = np.array([quaternion.w, quaternion.x, quaternion.y, quaternion.z], dtype=float)
     if not all_finite(values) or not 0.5 < float(values @ values) < 2.0:
@@ -76,7 +75,7 @@ def _rotation(quaternion: Any) -> Array | None:  # noqa: ANN401
     return rotation_from_quaternion(values)
 
 
-def pose_message(pose: Pose) -> Any:  # noqa: ANN401
+def pose_message(pose: Pose) -> Message:
     """geometry_msgs/Pose of a pose in ROS's axes."""
     return message(
         "geometry_msgs/msg/Pose",
@@ -85,7 +84,7 @@ def pose_message(pose: Pose) -> Any:  # noqa: ANN401
     )
 
 
-def transform(t_s: float, parent: str, child: str, parent_from_child: Pose) -> Any:  # noqa: ANN401
+def transform(t_s: float, parent: str, child: str, parent_from_child: Pose) -> Message:
     """geometry_msgs/TransformStamped, both frames in ROS's axes."""
     return message(
         "geometry_msgs/msg/TransformStamped",
@@ -107,7 +106,7 @@ def flu(pose: Pose) -> Pose:
 # Telemetry
 
 
-def odometry_of(telemetry: Telemetry, t_s: float) -> Any:  # noqa: ANN401
+def odometry_of(telemetry: Telemetry, t_s: float) -> Message:
     """nav_msgs/Odometry of a vehicle without a position: attitude, height, velocity; `t_s` is since the epoch."""
     roll, pitch, heading = (
         math.nan if value is None else value
@@ -139,7 +138,7 @@ def odometry_of(telemetry: Telemetry, t_s: float) -> Any:  # noqa: ANN401
     )
 
 
-def with_odometry(before: Telemetry, odometry: Any, t_s: float) -> Telemetry:  # noqa: ANN401
+def with_odometry(before: Telemetry, odometry: Message, t_s: float) -> Telemetry:
     """Telemetry with what an Odometry says; its x and y are not read: there is no position.
 
     Args:
@@ -162,7 +161,7 @@ def with_odometry(before: Telemetry, odometry: Any, t_s: float) -> Telemetry:  #
     return before
 
 
-def gimbal_message(gimbal: GimbalAttitude, t_s: float) -> Any:  # noqa: ANN401
+def gimbal_message(gimbal: GimbalAttitude, t_s: float) -> Message:
     """geometry_msgs/QuaternionStamped: the camera's body (forward-left-up, not optical) in `base_level`."""
     level_from_mount = rotation_from_euler(gimbal.roll_rad, gimbal.pitch_rad, gimbal.yaw_rad)
     return message(
@@ -172,7 +171,7 @@ def gimbal_message(gimbal: GimbalAttitude, t_s: float) -> Any:  # noqa: ANN401
     )
 
 
-def gimbal_of(attitude: Any) -> GimbalAttitude | None:  # noqa: ANN401
+def gimbal_of(attitude: Message) -> GimbalAttitude | None:
     """The inverse of `gimbal_message`; None where it is not finite."""
     rotation = _rotation(attitude.quaternion)
     if rotation is None:
@@ -183,7 +182,7 @@ def gimbal_of(attitude: Any) -> GimbalAttitude | None:  # noqa: ANN401
 # Set-points
 
 
-def velocity_message(wanted: Wanted, t_s: float) -> Any:  # noqa: ANN401
+def velocity_message(wanted: Wanted, t_s: float) -> Message:
     """geometry_msgs/TwistStamped, REP-147's `command_velocity`: speeds in `base_level`, and a turn; a hold is zero."""
     twist = message("geometry_msgs/msg/Twist")
     if not wanted.hold:
@@ -197,7 +196,7 @@ def velocity_message(wanted: Wanted, t_s: float) -> Any:  # noqa: ANN401
     return message("geometry_msgs/msg/TwistStamped", header=header(t_s, BASE_LEVEL), twist=twist)
 
 
-def wanted_velocity(command: Any) -> Wanted | None:  # noqa: ANN401
+def wanted_velocity(command: Message) -> Wanted | None:
     """The inverse of `velocity_message`; None where a number is not finite."""
     linear, angular = command.twist.linear, command.twist.angular
     forward, right, climb, turn = float(linear.x), -float(linear.y), float(linear.z), -float(angular.z)
@@ -206,7 +205,7 @@ def wanted_velocity(command: Any) -> Wanted | None:  # noqa: ANN401
     return Wanted(forward, right, climb, turn, hold=not any((forward, right, climb, turn)))
 
 
-def attitude_message(wanted: Wanted, heading_rad: float, max_climb_mps: float, t_s: float) -> Any:  # noqa: ANN401
+def attitude_message(wanted: Wanted, heading_rad: float, max_climb_mps: float, t_s: float) -> Message:
     """mavros_msgs/AttitudeTarget: attitude against `enu`, body rates, and a climb as thrust: 0.5 holds the height.
 
     Args:
@@ -226,7 +225,7 @@ def attitude_message(wanted: Wanted, heading_rad: float, max_climb_mps: float, t
     )
 
 
-def wanted_attitude(command: Any, max_climb_mps: float) -> Wanted | None:  # noqa: ANN401
+def wanted_attitude(command: Message, max_climb_mps: float) -> Wanted | None:
     """The inverse of `attitude_message`, without the heading; None where a number is not finite."""
     turn_rad_s, thrust = -float(command.body_rate.z), float(command.thrust)
     rotation = _rotation(command.orientation)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -11,10 +9,10 @@ import numpy.typing as npt
 from shipland.camera import Camera
 from shipland.errors import DataError
 from shipland.vehicles.ros2.conversions import header
-from shipland.vehicles.ros2.types import message
+from shipland.vehicles.ros2.types import Message, message
 
 
-def camera_info(camera: Camera, t_s: float, frame: str) -> Any:  # noqa: ANN401
+def camera_info(camera: Camera, t_s: float, frame: str) -> Message:
     """sensor_msgs/CameraInfo; coefficients past the eighth (thin prism, tilt) have no place there."""
     k = camera.distortion.tolist()
     model = "plumb_bob" if len(k) <= 5 else "rational_polynomial"
@@ -31,7 +29,7 @@ def camera_info(camera: Camera, t_s: float, frame: str) -> Any:  # noqa: ANN401
     )
 
 
-def camera_of(info: Any) -> Camera:  # noqa: ANN401
+def camera_of(info: Message) -> Camera:
     """Intrinsics of a CameraInfo; DataError when it is not calibrated or of a model that OpenCV's pinhole has not."""
     if info.distortion_model not in ("", "plumb_bob", "rational_polynomial"):
         raise DataError(f"camera_info: distortion model {info.distortion_model!r}; expected plumb_bob")
@@ -45,7 +43,7 @@ def camera_of(info: Any) -> Camera:  # noqa: ANN401
         raise DataError(f"camera_info: {error}") from None
 
 
-def image_message(image: npt.NDArray[np.uint8], t_s: float, frame: str) -> Any:  # noqa: ANN401
+def image_message(image: npt.NDArray[np.uint8], t_s: float, frame: str) -> Message:
     """sensor_msgs/Image, bgr8."""
     height_px, width_px, _ = image.shape
     return message(
@@ -59,7 +57,7 @@ def image_message(image: npt.NDArray[np.uint8], t_s: float, frame: str) -> Any: 
     )
 
 
-def jpeg_message(image: npt.NDArray[np.uint8], t_s: float, frame: str) -> Any:  # noqa: ANN401
+def jpeg_message(image: npt.NDArray[np.uint8], t_s: float, frame: str) -> Message:
     """sensor_msgs/CompressedImage, as image_transport's `compressed` with its default quality."""
     _, data = cv2.imencode(".jpg", image, (cv2.IMWRITE_JPEG_QUALITY, 95))
     return message(
@@ -72,7 +70,7 @@ _CHANNELS = {"bgr8": (3, None), "rgb8": (3, cv2.COLOR_RGB2BGR), "mono8": (1, cv2
 """Channels of an encoding, and how they become BGR."""
 
 
-def image_of(picture: Any) -> npt.NDArray[np.uint8]:  # noqa: ANN401
+def image_of(picture: Message) -> npt.NDArray[np.uint8]:
     """(H,W,3) BGR of an Image or a CompressedImage; DataError when it is neither whole nor of a known encoding."""
     if picture.__msgtype__ == "sensor_msgs/msg/CompressedImage":
         decoded = cv2.imdecode(np.frombuffer(picture.data, np.uint8), cv2.IMREAD_COLOR)

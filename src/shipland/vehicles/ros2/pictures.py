@@ -12,6 +12,7 @@ from shipland.errors import DataError, VehicleError
 from shipland.vehicles.camera_stream import ExposureClock, PictureSource, StreamedPicture
 from shipland.vehicles.ros2.conversions import seconds
 from shipland.vehicles.ros2.image_messages import image_of
+from shipland.vehicles.ros2.types import Message
 
 _OLDEST_S, _AHEAD_S = 1.0, 0.05
 """A stamp that is older, or further ahead, is of another clock than ours."""
@@ -46,7 +47,7 @@ class TopicPictures(PictureSource):
         self.frame_id = "camera"
         """The optical frame that the pictures name."""
 
-    def take(self, picture: Any) -> None:  # noqa: ANN401
+    def take(self, picture: Message) -> None:
         """A picture has come; one that was not looked at yet is left out."""
         with self._changed:
             self._newest = picture, time.monotonic()

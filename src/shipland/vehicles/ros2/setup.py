@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from shipland.camera import Camera
-from shipland.config import build, merge
+from shipland.config import build, key, parameters
 from shipland.errors import ConfigError
 from shipland.guidance.response import Response
 from shipland.vehicles.address import VehicleSetup
 from shipland.vehicles.camera_stream import StreamParameters
 from shipland.vehicles.checks import PreflightParameters
 from shipland.vehicles.frame_link import FrameSource
+from shipland.vehicles.parameters import SetpointParameters, measured
 from shipland.vehicles.ros2.dds import domain_id, only_this_machine
-from shipland.vehicles.ros2.parameters import Ros2Parameters
 
 VEHICLE_TOPICS: Mapping[str, str] = {
     "image": "camera/image_raw",
@@ -38,6 +38,16 @@ _OPTIONS = ("kind", "domain", "local", "wait", "mount_deg", "latency_s", "camera
 def vehicle_topics(namespace: str, renamed: Mapping[str, str]) -> dict[str, str]:
     """Full names of the vehicle's topics: `/NAMESPACE/odom`, or what an option says, from the root."""
     return {name: renamed.get(name, f"{namespace}/{topic}").strip("/") for name, topic in VEHICLE_TOPICS.items()}
+
+
+@parameters
+class Ros2Parameters(SetpointParameters):
+    """`[ros2]`."""
+
+    kind: Literal["attitude", "velocity"] = key(
+        "velocity", "what set-points mean", "velocity: TwistStamped, REP-147's | attitude: AttitudeTarget, mavros's"
+    )
+    setpoint_hz: float = key(30.0, "set-points a second", "chosen: one a picture", ge=5, le=200)
 
 
 @dataclass(frozen=True)
@@ -76,12 +86,11 @@ class Ros2Setup:
         """From an address and the vehicles' table; ConfigError when either is wrong."""
         address, table = setup.address, setup.table
         address.only(*_OPTIONS, *VEHICLE_TOPICS)
-        section = dict(table["ros2"])
-        if "kind" in address.options:
-            section = merge(section, {"kind": address.options["kind"]})
-        parameters = build(Ros2Parameters, section, "vehicles.ros2")
+        parameters = build(Ros2Parameters, setup.section("ros2"), "vehicles.ros2")
+        kind = parameters.kind
+        sticks = measured(kind, table["response"]) | parameters.full_sticks(kind, speed_mps=parameters.max_speed_mps)
         stream = build(StreamParameters, table["camera"], "vehicles.camera")
-        latency_s = address.number("latency_s", 0.0) if "latency_s" in address.options else None
+        latency_s = address.known_number("latency_s")
         if latency_s is not None and not 0.0 <= latency_s <= 3.0:
             raise ConfigError(f"ros2://…?latency_s={latency_s:g}: expected 0 to 3 s")
         frames = None
@@ -92,31 +101,15 @@ class Ros2Setup:
             frames = FrameSource.at(url.removeprefix("frames:"), setup.camera)
         return Ros2Setup(
             topics=vehicle_topics(address.place.strip("/"), address.options),
-            domain=domain_id(address.number("domain", 0.0) if "domain" in address.options else None),
+            domain=domain_id(address.known_number("domain")),
             local=address.flag("local") or only_this_machine(),
             wait=address.flag("wait"),
             camera=setup.camera if setup.calibrated else None,
             frames=frames,
-            fixed_pitch_rad=math.radians(address.number("mount_deg", 0.0)) if "mount_deg" in address.options else None,
+            fixed_pitch_rad=setup.fixed_pitch_rad,
             latency_s=latency_s,
             open_timeout_s=stream.open_timeout_s,
-            response=_response(parameters, table["response"]),
+            response=build(Response, sticks, f"response.{kind}"),
             parameters=parameters,
             preflight=build(PreflightParameters, table["preflight"], "vehicles.preflight"),
         )
-
-
-def _response(parameters: Ros2Parameters, table: Mapping[str, object]) -> Response:
-    """What full sticks mean: the configured limits, with the lags of `[response.KIND]`."""
-    lags = table.get(parameters.kind, {})
-    assert isinstance(lags, Mapping)
-    speeds = {"max_speed_mps": 0.0, "servo_per_s": 0.0}
-    if parameters.kind == "velocity":
-        speeds = {"max_speed_mps": parameters.max_speed_mps}
-    own = {
-        "kind": parameters.kind,
-        "max_tilt_rad": math.radians(parameters.max_tilt_deg),
-        "max_climb_mps": parameters.max_climb_mps,
-        "max_turn_rad_s": math.radians(parameters.max_turn_deg_s),
-    }
-    return build(Response, {**dict(lags), **speeds, **own}, f"response.{parameters.kind}")

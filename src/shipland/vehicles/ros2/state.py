@@ -11,9 +11,10 @@ from dataclasses import replace
 from typing import Any
 
 from shipland.messages import GimbalAttitude, Telemetry
-from shipland.vehicles.gimbal import gimbal_at
+from shipland.vehicles.gimbal import Reading, gimbal_at
 from shipland.vehicles.ros2.conversions import gimbal_of, seconds, with_odometry
 from shipland.vehicles.ros2.pictures import ours_s
+from shipland.vehicles.ros2.types import Message
 
 _READINGS = 200
 """Attitudes kept: four seconds at 50 Hz."""
@@ -25,7 +26,7 @@ _OBEYING = ("OFFBOARD", "GUIDED", "GUIDED_NOGPS", "")
 """Modes that obey set-points, by mavros's names; a vehicle without modes gives none."""
 
 
-def obeys_set_points(state: Any) -> bool:  # noqa: ANN401
+def obeys_set_points(state: Message) -> bool:
     """Whether a mavros_msgs/State says so: mavros's `guided` alone is true in LOITER, RTL and AUTO as well."""
     return bool(state.guided) and state.mode in _OBEYING
 
@@ -40,8 +41,8 @@ class Heard:
     def __init__(self) -> None:
         self._changed = threading.Condition()
         self._telemetry = Telemetry(0.0, None, None, None, None, None, None, None, flying=False)
-        self._attitudes: deque[tuple[float, float, float]] = deque(maxlen=_READINGS)
-        self._mounts: deque[tuple[float, float, float]] = deque(maxlen=_READINGS)
+        self._attitudes: deque[Reading] = deque(maxlen=_READINGS)
+        self._mounts: deque[Reading] = deque(maxlen=_READINGS)
         self._battery: tuple[float, float] | None = None
         self._state: Any = None
         self.state_s = -math.inf
@@ -54,7 +55,7 @@ class Heard:
         self.lost = ""
         """Why control is gone for good, in words; empty while it is not."""
 
-    def take_odometry(self, odometry: Any) -> None:  # noqa: ANN401
+    def take_odometry(self, odometry: Message) -> None:
         """nav_msgs/Odometry."""
         true_s = self._true_s(seconds(odometry.header.stamp))
         with self._changed:
@@ -63,20 +64,20 @@ class Heard:
                 self._attitudes.append((true_s, told.roll_rad, told.pitch_rad))
             self._changed.notify_all()
 
-    def take_gimbal(self, attitude: Any) -> None:  # noqa: ANN401
+    def take_gimbal(self, attitude: Message) -> None:
         """geometry_msgs/QuaternionStamped."""
         gimbal = gimbal_of(attitude)
         if gimbal is not None:
             true_s = self._true_s(seconds(attitude.header.stamp))
             self._mounts.append((true_s, gimbal.roll_rad, gimbal.pitch_rad))
 
-    def take_battery(self, battery: Any) -> None:  # noqa: ANN401
+    def take_battery(self, battery: Message) -> None:
         """sensor_msgs/BatteryState."""
         share = float(battery.percentage)
         if 0.0 <= share <= 1.0:
             self._battery = 100.0 * share, time.monotonic()
 
-    def take_state(self, state: Any) -> None:  # noqa: ANN401
+    def take_state(self, state: Message) -> None:
         """mavros_msgs/State."""
         with self._changed:
             self._state, self.state_s = state, time.monotonic()
@@ -86,7 +87,7 @@ class Heard:
                 self._lose(f"the pilot took over: {state.mode or 'no mode given'}")
             self._changed.notify_all()
 
-    def take_land(self, asked: Any) -> None:  # noqa: ANN401
+    def take_land(self, asked: Message) -> None:
         """std_msgs/Bool: true asks for a landing, false ends it."""
         with self._changed:
             self.land = bool(asked.data)

@@ -35,6 +35,10 @@ _OWN = {
 """Fields of vision_msgs 4 and mavros_msgs 2, as their packages define them, without comments and constants."""
 
 
+Message = Any
+"""A message of any type; they have no static ones."""
+
+
 @lru_cache(maxsize=1)
 def store() -> Typestore:
     """The types of ROS 2 Jazzy and `_OWN`; VehicleError without the extra."""
@@ -48,7 +52,7 @@ def store() -> Typestore:
     return made
 
 
-def message(kind: str, **fields: Any) -> Any:  # noqa: ANN401 - a message of any type
+def message(kind: str, **fields: object) -> Message:
     """A message; fields that are not given are zero, empty, or the zero message.
 
     >>> message("std_msgs/msg/String", data="hello").data
@@ -84,13 +88,13 @@ def _no_items(node: Any, what: Any) -> Any:  # noqa: ANN401
     return np.zeros(count if node is Nodetype.ARRAY else 0, dtype=kind)
 
 
-def cdr_of(sent: Any) -> bytes:  # noqa: ANN401
+def cdr_of(sent: Message) -> bytes:
     """A message as it goes over the wire: CDR with its header, padded to four bytes."""
     data = bytes(store().serialize_cdr(sent, sent.__msgtype__))
     return data.ljust((len(data) + 3) & ~3, b"\0")
 
 
-def message_of(data: bytes, kind: str) -> Any:  # noqa: ANN401
+def message_of(data: bytes, kind: str) -> Message:
     """The inverse of `cdr_of`; whatever it raises means that the bytes are no such message."""
     return store().deserialize_cdr(data, kind)
 

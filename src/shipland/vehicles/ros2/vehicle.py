@@ -14,7 +14,7 @@ from shipland.frames import Array
 from shipland.guidance.response import Response
 from shipland.messages import FlightRecord, GimbalAttitude, Intent, Observation, Telemetry
 from shipland.rig import Rig
-from shipland.stopping import check_stop, uninterrupted
+from shipland.stopping import check_stop
 from shipland.vehicles.address import VehicleSetup
 from shipland.vehicles.camera_stream import PictureSource
 from shipland.vehicles.checks import Check
@@ -22,15 +22,14 @@ from shipland.vehicles.ros2.checks import ros2_checks
 from shipland.vehicles.ros2.conversions import attitude_message, gimbal_message, velocity_message
 from shipland.vehicles.ros2.dds import Node
 from shipland.vehicles.ros2.image_messages import camera_of
-from shipland.vehicles.ros2.parameters import Ros2Parameters
 from shipland.vehicles.ros2.pictures import TopicPictures, image_kind
-from shipland.vehicles.ros2.setup import OUR_TOPICS, Ros2Setup
+from shipland.vehicles.ros2.setup import OUR_TOPICS, Ros2Parameters, Ros2Setup
 from shipland.vehicles.ros2.state import Heard
 from shipland.vehicles.ros2.telling import Telling
 from shipland.vehicles.ros2.types import message
 from shipland.vehicles.setpoint_vehicle import SetpointVehicle
 from shipland.vehicles.vehicle import Vehicle
-from shipland.vehicles.wanted import HOLD, HeadingSetPoint, Wanted, wanted_of
+from shipland.vehicles.wanted import HOLD, Wanted, wanted_of
 
 _LOOK_S = 0.2
 """How often a stop is looked for while waiting."""
@@ -49,9 +48,7 @@ class Ros2Vehicle(SetpointVehicle):
         self._camera_problem = ""
         self._topic = TopicPictures(lambda: self._camera, setup.latency_s)
         self._source: PictureSource = self._topic if setup.frames is None else setup.frames
-        self._node: Node | None = None
         self._telling: Telling | None = None
-        self._heading = HeadingSetPoint()
 
     # What the loop sees
 
@@ -78,35 +75,28 @@ class Ros2Vehicle(SetpointVehicle):
         """What full sticks mean."""
         return self._setup.response
 
-    def connect(self) -> None:
-        """Topics and pictures, without taking control; VehicleError when something does not come."""
-        if self._node is not None:
-            return
+    def _connect(self) -> None:
         setup, heard, topics = self._setup, self._heard, self._setup.topics
-        node = self._node = Node(setup.domain, setup.local)
+        node = Node(setup.domain, setup.local)
         self._stack.callback(node.close)
-        try:
-            self._velocity = node.publisher(topics["command_velocity"], "geometry_msgs/msg/TwistStamped")
-            self._attitude = node.publisher(topics["command_attitude"], "mavros_msgs/msg/AttitudeTarget")
-            self._mount = node.publisher(topics["command_gimbal"], "geometry_msgs/msg/QuaternionStamped")
-            self._landing = node.publisher(topics["landing"], "std_msgs/msg/Bool")
-            self._telling = Telling(node, OUR_TOPICS)
-            node.subscribe(topics["odom"], "nav_msgs/msg/Odometry", heard.take_odometry)
-            node.subscribe(topics["state"], "mavros_msgs/msg/State", heard.take_state)
-            node.subscribe(topics["battery"], "sensor_msgs/msg/BatteryState", heard.take_battery)
-            node.subscribe(topics["gimbal"], "geometry_msgs/msg/QuaternionStamped", heard.take_gimbal)
-            node.subscribe(OUR_TOPICS["land"], "std_msgs/msg/Bool", heard.take_land, reliable=True)
-            if setup.camera is None:
-                node.subscribe(topics["camera_info"], "sensor_msgs/msg/CameraInfo", self._take_camera)
-            if setup.frames is None:
-                node.subscribe(topics["image"], image_kind(topics["image"]), self._topic.take)
-            self._start_stream(self._source)
-            self._await(lambda: self._camera is not None, f"/{topics['camera_info']} has not come")
-            silent = f"/{topics['image']} has not come; `ros2 topic list` shows what there is"
-            self._await_picture(setup.open_timeout_s, silent)
-        except BaseException:
-            self._stack.close()
-            raise
+        self._velocity = node.publisher(topics["command_velocity"], "geometry_msgs/msg/TwistStamped")
+        self._attitude = node.publisher(topics["command_attitude"], "mavros_msgs/msg/AttitudeTarget")
+        self._mount = node.publisher(topics["command_gimbal"], "geometry_msgs/msg/QuaternionStamped")
+        self._landing = node.publisher(topics["landing"], "std_msgs/msg/Bool")
+        self._telling = Telling(node, OUR_TOPICS)
+        node.subscribe(topics["odom"], "nav_msgs/msg/Odometry", heard.take_odometry)
+        node.subscribe(topics["state"], "mavros_msgs/msg/State", heard.take_state)
+        node.subscribe(topics["battery"], "sensor_msgs/msg/BatteryState", heard.take_battery)
+        node.subscribe(topics["gimbal"], "geometry_msgs/msg/QuaternionStamped", heard.take_gimbal)
+        node.subscribe(OUR_TOPICS["land"], "std_msgs/msg/Bool", heard.take_land, reliable=True)
+        if setup.camera is None:
+            node.subscribe(topics["camera_info"], "sensor_msgs/msg/CameraInfo", self._take_camera)
+        if setup.frames is None:
+            node.subscribe(topics["image"], image_kind(topics["image"]), self._topic.take)
+        self._start_stream(self._source)
+        self._await(lambda: self._camera is not None, f"/{topics['camera_info']} has not come")
+        silent = f"/{topics['image']} has not come; `ros2 topic list` shows what there is"
+        self._await_picture(setup.open_timeout_s, silent)
 
     def _engage(self) -> None:
         """Wait until the vehicle is armed and obeys us, and for `/shipland/land` if that was asked for."""
@@ -131,12 +121,7 @@ class Ros2Vehicle(SetpointVehicle):
         """The newest that has come, stamped with `t_s`."""
         return self._heard.telemetry_at(t_s)
 
-    @uninterrupted()
-    def close(self) -> None:
-        """Leave the vehicle holding, where it is still ours, and let go of it; no signal cuts it short."""
-        if self._closed:
-            return
-        self._closed = True
+    def _leave(self) -> None:
         if self._pace is not None:
             self._pace.stop()
         if self._telling is not None and self._engaged:
@@ -146,7 +131,6 @@ class Ros2Vehicle(SetpointVehicle):
             self._let_motors_stop(False)
             self._telling.state("", self.end_reason, time.monotonic())
             self._telling.ended(self.end_reason)
-        self._stack.close()
 
     def checks(self) -> list[Check]:
         """What of topics and camera is fit to fly; once connected."""

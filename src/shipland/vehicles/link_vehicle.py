@@ -1,0 +1,68 @@
+"""What vehicles over a link share: they are connected once, taken, and left safe once."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from contextlib import ExitStack
+
+from shipland.errors import VehicleError
+from shipland.stopping import uninterrupted
+
+
+class LinkVehicle(ABC):
+    """A `Vehicle` on `time.monotonic`; a subclass speaks the link."""
+
+    def __init__(self) -> None:
+        self._stack = ExitStack()
+        """What is closed with the link."""
+        self._connected = self._engaged = self._closed = False
+        self._end_reason = ""
+
+    @property
+    def end_reason(self) -> str:
+        """Why the flight is over, in words; empty in flight."""
+        return self._end_reason
+
+    @abstractmethod
+    def _connect(self) -> None:
+        """Link and camera, without taking control; VehicleError when something does not answer."""
+
+    @abstractmethod
+    def _engage(self) -> None:
+        """Take the vehicle, once connected, as far as that was allowed."""
+
+    @abstractmethod
+    def _leave(self) -> None:
+        """Leave the vehicle holding, where it is still ours, before the link is closed."""
+
+    def connect(self) -> None:
+        """Link and camera, without taking control; once is enough. VehicleError when something does not answer."""
+        if self._connected:
+            return
+        try:
+            self._connect()
+        except BaseException:
+            with uninterrupted():
+                self._stack.close()
+            raise
+        self._connected = True
+
+    def open(self) -> None:
+        """Connect, and take the vehicle as far as that was allowed; VehicleError when it does not come to us."""
+        if self._closed:
+            raise VehicleError("this flight is over; make a new vehicle for the next one")
+        self.connect()
+        try:
+            self._engage()
+        except BaseException:
+            self.close()
+            raise
+
+    @uninterrupted()
+    def close(self) -> None:
+        """Leave the vehicle holding, where it is still ours, and let go of it; no signal cuts it short."""
+        if self._closed:
+            return
+        self._closed = True
+        self._leave()
+        self._stack.close()
