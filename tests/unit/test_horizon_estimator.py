@@ -25,17 +25,28 @@ CAMERA_IN_BODY_M = np.array([0.09, 0.0, 0.0])
 HOVER_IN_BAR_M = RIG.deck_in_bar_m - np.array([0.0, 0.0, 1.2])
 
 
+CAMERA_AT_M = HOVER_IN_BAR_M + CAMERA_IN_BODY_M
+
+
+def _estimator(response=ANAFI_LIKE, horizon=PARAMETERS.horizon):
+    return Estimator(horizon, response, RIG, CAMERA, CAMERA_IN_BODY_M)
+
+
+def _cycle(estimator, t_s, camera_m=None, yaw_rad=0.0, *, box=None, landing=False, pitch_percent=0.0, **told):
+    """A picture of the bar from a place in `bar`, or of its box alone; what is told 0.3 s later; then the sticks."""
+    pose = None if camera_m is None else BarPose(camera_m, yaw_rad, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
+    telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, 0.0, 3.0, np.zeros(3), 90.0, 90.0, True)
+    estimator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose, box), replace(telemetry, **told), landing)
+    estimator.sent(PilotCommand(t_s + 0.33, pitch_percent, 0.0, 0.0, 0.0, 0.0))
+
+
 def _flown(bar_down_m=lambda _: 0.0, tilt_rad=0.0, seconds=3.0, within_m=math.inf, response=ANAFI_LIKE):
     """An estimator after a hover with released sticks that the vehicle holds by a roll."""
     wave = replace(PARAMETERS.horizon.wave, followed_within_m=within_m)
-    estimator = Estimator(replace(PARAMETERS.horizon, wave=wave), response, RIG, CAMERA, CAMERA_IN_BODY_M)
+    estimator = _estimator(response, replace(PARAMETERS.horizon, wave=wave))
     for index in range(round(30 * seconds)):
         t_s = index / 30.0
-        place = HOVER_IN_BAR_M + CAMERA_IN_BODY_M - np.array([0.0, 0.0, bar_down_m(t_s)])
-        pose = BarPose(place, 0.0, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
-        telemetry = Telemetry(t_s + 0.3, tilt_rad, 0.0, 0.0, 3.0, np.zeros(3), 90.0, 90.0, True)
-        estimator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
-        estimator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
+        _cycle(estimator, t_s, CAMERA_AT_M - np.array([0.0, 0.0, bar_down_m(t_s)]), roll_rad=tilt_rad)
     return estimator
 
 
@@ -104,16 +115,13 @@ def test_the_covariance_turns_with_the_bar_and_shrinks_with_what_is_seen():
 
 def _wagging(turn_rad_s, seconds=12.0):
     """An estimator whose vehicle's nose wags by itself under a compass of 5 Hz, and the bar's last heading."""
-    estimator, reading = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M), None
+    estimator, reading = _estimator(), None
     for index in range(round(30 * seconds)):
         t_s = index / 30.0
         nose_rad, bar_rad = 0.09 * math.sin(2.0 * math.pi * t_s / 1.2), turn_rad_s * t_s
         if index % 6 == 0:
-            reading = t_s, nose_rad
-        pose = BarPose(HOVER_IN_BAR_M + CAMERA_IN_BODY_M, nose_rad - bar_rad, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
-        telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, reading[1], 3.0, None, 90.0, 90.0, True, heading_t_s=reading[0])
-        estimator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
-        estimator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
+            reading = {"heading_t_s": t_s, "heading_rad": nose_rad}
+        _cycle(estimator, t_s, CAMERA_AT_M, nose_rad - bar_rad, velocity_in_level_mps=None, **reading)
     return estimator, bar_rad
 
 
@@ -130,45 +138,33 @@ def test_the_place_stays_known_by_the_vehicles_velocity_and_only_by_it():
     for with_velocity in (True, False):
         estimator = _flown()
         for index in range(180):
-            t_s = 3.0 + index / 30.0
-            velocity = np.zeros(3) if with_velocity else None
-            telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, 0.0, 3.0, velocity, 90.0, 90.0, True)
-            estimator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), reason="not found"), telemetry)
-            estimator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
+            _cycle(estimator, 3.0 + index / 30.0, velocity_in_level_mps=np.zeros(3) if with_velocity else None)
         std_m[with_velocity] = estimator.estimate(9.3).position_std_m
     assert std_m[True] < PARAMETERS.horizon.position_std_max_m < std_m[False]
 
 
 def test_where_the_filter_for_turns_takes_over_the_axes_do_not_step():
     """A compass that errs by 3°, slowly: both filters have it by different shares when the ship begins to turn."""
-    estimator, steps_rad, took_over = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M), [], 0
-    rng = np.random.default_rng(3)
+    estimator, steps_rad, rng = _estimator(), [], np.random.default_rng(3)
     for index in range(240):
         t_s = index / 30.0
         bar_rad = 0.3 * max(t_s - 6.0, 0.0)
         compass_rad = 0.05 * math.sin(0.9 * t_s) + rng.normal(0.0, 0.02)
-        pose = BarPose(HOVER_IN_BAR_M + CAMERA_IN_BODY_M, -bar_rad, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
-        before = estimator._headings.now
-        quiet = not estimator._headings.turning
-        telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, compass_rad, 3.0, np.zeros(3), 90.0, 90.0, True, heading_t_s=t_s)
-        estimator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
+        before, quiet = estimator._headings.now, not estimator._headings.turning
+        _cycle(estimator, t_s, CAMERA_AT_M, -bar_rad, heading_rad=compass_rad, heading_t_s=t_s)
         if quiet and before is not None and estimator._headings.turning:
-            took_over += 1
             steps_rad.append(estimator._headings.now.bar_rad - before.bar_rad)
-    assert took_over >= 1
+    assert steps_rad
     assert np.abs(steps_rad).max() < 0.015
 
 
-def _seen(heading_rad, down_m, seconds=6.0, velocity_mps=None):
-    """An estimator after a hover under a bar at rest, with a compass and heights of its own by time."""
-    estimator = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+def _seen(heading_rad, down_m, seconds=6.0):
+    """An estimate after a hover under a bar at rest, with a compass and heights of its own by time."""
+    estimator = _estimator()
     for index in range(round(30 * seconds)):
         t_s = index / 30.0
-        place = HOVER_IN_BAR_M + CAMERA_IN_BODY_M + np.array([0.0, 0.0, down_m(t_s)])
-        pose = BarPose(place, 0.0, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
-        telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, heading_rad(t_s), 3.0, velocity_mps, 90.0, 90.0, True)
-        estimator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
-        estimator.sent(PilotCommand(t_s + 0.33, 2.0, 0.0, 0.0, 0.0, 0.0))
+        told = {"heading_rad": heading_rad(t_s), "velocity_in_level_mps": None}
+        _cycle(estimator, t_s, CAMERA_AT_M + np.array([0.0, 0.0, down_m(t_s)]), pitch_percent=2.0, **told)
     return estimator.estimate(seconds + 0.3)
 
 
@@ -194,15 +190,11 @@ def test_a_height_that_no_climb_leads_to_is_refused_until_it_stays():
 
 def _leapt(from_s, seconds, dark_s=0.0, landing=True):
     """How far aside the estimator of a hover is led by poses that are 1.5 m off from a time on, after a dark spell."""
-    estimator = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    estimator = _estimator()
     for index in range(round(30 * seconds)):
         t_s = index / 30.0
-        place = HOVER_IN_BAR_M + CAMERA_IN_BODY_M + np.array([0.0, 1.5 * (t_s >= from_s), 0.0])
-        pose = BarPose(place, 0.0, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
-        seen = None if from_s - dark_s <= t_s < from_s else pose
-        telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, 0.0, 3.0, np.zeros(3), 90.0, 90.0, True)
-        estimator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), seen), telemetry, landing)
-        estimator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
+        place_m = CAMERA_AT_M + np.array([0.0, 1.5 * (t_s >= from_s), 0.0])
+        _cycle(estimator, t_s, None if from_s - dark_s <= t_s < from_s else place_m, landing=landing)
     return float(estimator.estimate(seconds + 0.3).aircraft_in_bar_m[1]), estimator.rejected
 
 
@@ -224,9 +216,7 @@ def test_a_place_forgotten_begins_anew_at_the_next_pose():
     estimator = _flown()
     estimator.forget_place()
     assert estimator.estimate(3.3) is None
-    pose = BarPose(HOVER_IN_BAR_M + np.array([0.0, 3.0, 0.8]), 0.0, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
-    telemetry = Telemetry(6.3, 0.0, 0.0, 0.0, 3.0, np.zeros(3), 90.0, 90.0, True)
-    estimator.take(Observation(6.0, GimbalAttitude(0.0, 0.0), pose), telemetry)
+    _cycle(estimator, 6.0, HOVER_IN_BAR_M + np.array([0.0, 3.0, 0.8]))
     assert estimator.estimate(6.3).aircraft_in_bar_m[1] == pytest.approx(3.0, abs=0.1)
 
 
@@ -244,22 +234,20 @@ def _boxed(estimator, from_s, to_s, bar_in_level_m, velocity_mps):
         t_s = index / 30.0
         box = _box(bar_in_level_m(t_s)) if index % 15 == 0 else None
         velocity = np.array([*velocity_mps, 0.0]) if index % 6 == 0 else None
-        telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, 0.0, 3.0, velocity, 90.0, 90.0, True)
-        estimator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), bar_box=box), telemetry)
-        estimator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
+        _cycle(estimator, t_s, box=box, velocity_in_level_mps=velocity)
     return estimator.estimate(to_s)
 
 
 def test_a_ship_under_way_is_no_nearer_than_its_boxes_say():
     """The aircraft trails at the ship's own 3 m/s: what it flies is no way towards the ship."""
-    estimator = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    estimator = _estimator()
     estimate = _boxed(estimator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
     assert estimate.place_m == pytest.approx([-40.0, 0.0], abs=6.0)
     assert estimate.speed_mps == pytest.approx([0.0, 0.0], abs=1.0)
 
 
 def test_the_nose_follows_the_newest_box_of_a_ship_that_turns_away():
-    estimator = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    estimator = _estimator()
     _boxed(estimator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
     estimate = _boxed(estimator, 15.0, 20.0, lambda t_s: (40.0, 3.0 * (t_s - 15.0)), (3.0, 0.0))
     assert estimate.to_bar_rad == pytest.approx(math.atan2(13.5, 40.0), abs=0.02)  # of the last one, at 19.5 s
@@ -267,7 +255,7 @@ def test_the_nose_follows_the_newest_box_of_a_ship_that_turns_away():
 
 def test_a_ship_seen_again_is_where_it_is_seen():
     """After 20 s in which it went on, and the aircraft stood."""
-    estimator = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    estimator = _estimator()
     _boxed(estimator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
     estimate = _boxed(estimator, 35.0, 36.0, lambda _: (90.0, 40.0), (0.0, 0.0))
     assert estimate.place_m == pytest.approx([-90.0, -40.0], abs=3.0)
@@ -276,7 +264,7 @@ def test_a_ship_seen_again_is_where_it_is_seen():
 @pytest.mark.parametrize("away_m", [4.0, 12.0, 30.0])
 def test_who_waits_for_corners_keeps_the_stand_off_also_from_a_ship_that_comes(away_m):
     approach, view = PARAMETERS.approach, View.of(CAMERA)
-    estimator = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    estimator = _estimator()
     estimate = _boxed(estimator, 0.0, 0.2, lambda _: (away_m, 0.0), (0.0, 0.0))
     goal_m, _ = Goals(PARAMETERS.horizon, approach, RIG, view).of(Mode.TRACK_BAR, estimate)
     assert goal_m == pytest.approx([-PARAMETERS.horizon.path.stand_off_m, 0.0], abs=0.2)
@@ -284,7 +272,7 @@ def test_who_waits_for_corners_keeps_the_stand_off_also_from_a_ship_that_comes(a
 
 def test_a_ship_that_turns_far_away_is_followed_within_seconds():
     """It goes ahead at 3 m/s, then to starboard; the aircraft flies along with it all the time."""
-    estimator = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    estimator = _estimator()
     _boxed(estimator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
     estimate = _boxed(estimator, 15.0, 25.0, lambda _: (40.0, 0.0), (0.0, 3.0))
     assert estimate.course_rad == pytest.approx(0.5 * math.pi, abs=0.25)
@@ -292,7 +280,7 @@ def test_a_ship_that_turns_far_away_is_followed_within_seconds():
 
 
 def test_who_flies_abeam_of_a_ship_under_way_is_led_astern_of_its_course():
-    estimator = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    estimator = _estimator()
     estimate = _boxed(estimator, 0.0, 20.0, lambda _: (40.0, 0.0), (0.0, 3.0))
     goal_m, _ = Goals(PARAMETERS.horizon, PARAMETERS.approach, RIG, View.of(CAMERA)).of(Mode.TRACK_BAR, estimate)
     ahead_m, right_m = rotated(goal_m, -estimate.course_rad).tolist()
@@ -303,12 +291,9 @@ def test_who_flies_abeam_of_a_ship_under_way_is_led_astern_of_its_course():
 @pytest.mark.parametrize(("ship_mps", "known"), [(0.0, True), (3.0, False)])
 def test_the_heading_of_a_ship_under_way_is_not_known_for_ever(ship_mps, known):
     """Poses of the bar, then ten seconds of boxes alone."""
-    estimator = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    estimator = _estimator()
     for index in range(300):
-        t_s, velocity = index / 30.0, np.array([ship_mps, 0.0, 0.0]) if index % 6 == 0 else None
-        pose = BarPose(np.array([-12.0, 0.0, 0.0]), 0.0, np.eye(4) * 1e-4, 0.1, np.zeros((8, 2)))
-        telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, 0.0, 3.0, velocity, 90.0, 90.0, True)
-        estimator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
-        estimator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
+        velocity = np.array([ship_mps, 0.0, 0.0]) if index % 6 == 0 else None
+        _cycle(estimator, index / 30.0, np.array([-12.0, 0.0, 0.0]), velocity_in_level_mps=velocity)
     assert estimator.estimate(10.0).bar_known
     assert _boxed(estimator, 10.0, 20.0, lambda _: (12.0, 0.0), (ship_mps, 0.0)).bar_known is known

@@ -22,96 +22,37 @@ from shipland.messages import (
     TouchdownVerdict,
 )
 
-GIMBAL = GimbalAttitude(0.0, 0.0)
-
-
-def bar_pose(**changes):
-    parts = {
-        "position_in_bar_m": np.array([-12.0, 0.0, 0.0]),
-        "yaw_rad": 0.0,
-        "covariance": np.eye(4),
-        "reprojection_px": 0.1,
-        "corners_px": np.zeros((8, 2)),
-    }
-    return BarPose(**parts | changes)
-
-
-def telemetry(**changes):
-    parts = {
-        "t_s": 0.0,
-        "roll_rad": 0.0,
-        "pitch_rad": 0.0,
-        "heading_rad": None,
-        "height_m": None,
-        "velocity_in_level_mps": None,
-        "battery_percent": None,
-        "link_percent": None,
-        "flying": True,
-    }
-    return Telemetry(**parts | changes)
-
-
-def verdict(**changes):
-    parts = {
-        "t_s": 0.0,
-        "landed": True,
-        "in_square": True,
-        "touchdown_in_deck_m": np.zeros(2),
-        "rest_in_deck_m": np.zeros(2),
-        "relative_velocity_in_deck_mps": np.zeros(3),
-        "tilt_rad": 0.0,
-        "slip_m": 0.0,
-        "peak_contact_force_n": 0.0,
-        "reason": "",
-    }
-    return TouchdownVerdict(**parts | changes)
-
-
-def estimate(**changes):
-    return Estimate(**{"t_s": 0.0, "aircraft_in_bar_m": np.zeros(3), "yaw_rad": 0.0} | changes)
-
-
-def truth(**changes):
-    here = Pose.identity()
-    parts = {
-        "t_s": 0.0,
-        "ned_from_body": here,
-        "velocity_in_ned_mps": np.zeros(3),
-        "ned_from_ship": here,
-        "ned_from_deck": here,
-        "ned_from_bar": here,
-        "ned_from_camera": here,
-        "wind_in_ned_mps": np.zeros(3),
-    }
-    return GroundTruth(**parts | changes)
-
-
-def frame(image):
-    return Frame(0.0, image, GIMBAL)
+BAR_POSE = BarPose(np.array([-12.0, 0.0, 0.0]), 0.0, np.eye(4), 0.1, np.zeros((8, 2)))
+TELEMETRY = Telemetry(0.0, 0.0, 0.0, None, None, None, None, None, True)
+VERDICT = TouchdownVerdict(0.0, True, True, np.zeros(2), np.zeros(2), np.zeros(3), 0.0, 0.0, 0.0, "")
+ESTIMATE = Estimate(0.0, np.zeros(3), 0.0)
+HERE = Pose.identity()
+TRUTH = GroundTruth(0.0, HERE, np.zeros(3), HERE, HERE, HERE, HERE, np.zeros(3))
+FRAME = Frame(0.0, None, GimbalAttitude(0.0, 0.0))
 
 
 @pytest.mark.parametrize(
-    ("make", "field", "value", "wanted", "got"),
+    ("message", "field", "value", "wanted", "got"),
     [
-        (bar_pose, "position_in_bar_m", np.zeros(2), "(3,)", "(2,)"),
-        (bar_pose, "position_in_bar_m", np.zeros((3, 1)), "(3,)", "(3, 1)"),
-        (bar_pose, "covariance", np.eye(3), "(4, 4)", "(3, 3)"),
-        (bar_pose, "corners_px", np.zeros((2, 8)), "(n, 2)", "(2, 8)"),
-        (bar_pose, "corners_px", np.zeros((8, 1, 2)), "(n, 2)", "(8, 1, 2)"),
-        (telemetry, "velocity_in_level_mps", np.zeros(4), "(3,)", "(4,)"),
-        (verdict, "touchdown_in_deck_m", np.zeros(3), "(2,)", "(3,)"),
-        (verdict, "rest_in_deck_m", np.zeros(3), "(2,)", "(3,)"),
-        (verdict, "relative_velocity_in_deck_mps", np.zeros(2), "(3,)", "(2,)"),
-        (estimate, "aircraft_in_bar_m", np.zeros((1, 3)), "(3,)", "(1, 3)"),
-        (estimate, "velocity_in_bar_mps", np.zeros(2), "(3,)", "(2,)"),
-        (estimate, "covariance", np.eye(3), "(4, 4)", "(3, 3)"),
-        (truth, "velocity_in_ned_mps", np.zeros(2), "(3,)", "(2,)"),
-        (truth, "wind_in_ned_mps", np.zeros(2), "(3,)", "(2,)"),
+        (BAR_POSE, "position_in_bar_m", np.zeros(2), "(3,)", "(2,)"),
+        (BAR_POSE, "position_in_bar_m", np.zeros((3, 1)), "(3,)", "(3, 1)"),
+        (BAR_POSE, "covariance", np.eye(3), "(4, 4)", "(3, 3)"),
+        (BAR_POSE, "corners_px", np.zeros((2, 8)), "(n, 2)", "(2, 8)"),
+        (BAR_POSE, "corners_px", np.zeros((8, 1, 2)), "(n, 2)", "(8, 1, 2)"),
+        (TELEMETRY, "velocity_in_level_mps", np.zeros(4), "(3,)", "(4,)"),
+        (VERDICT, "touchdown_in_deck_m", np.zeros(3), "(2,)", "(3,)"),
+        (VERDICT, "rest_in_deck_m", np.zeros(3), "(2,)", "(3,)"),
+        (VERDICT, "relative_velocity_in_deck_mps", np.zeros(2), "(3,)", "(2,)"),
+        (ESTIMATE, "aircraft_in_bar_m", np.zeros((1, 3)), "(3,)", "(1, 3)"),
+        (ESTIMATE, "velocity_in_bar_mps", np.zeros(2), "(3,)", "(2,)"),
+        (ESTIMATE, "covariance", np.eye(3), "(4, 4)", "(3, 3)"),
+        (TRUTH, "velocity_in_ned_mps", np.zeros(2), "(3,)", "(2,)"),
+        (TRUTH, "wind_in_ned_mps", np.zeros(2), "(3,)", "(2,)"),
     ],
 )
-def test_a_wrong_shape_is_refused_with_what_it_is_and_what_was_wanted(make, field, value, wanted, got):
+def test_a_wrong_shape_is_refused_with_what_it_is_and_what_was_wanted(message, field, value, wanted, got):
     with pytest.raises(ValueError, match=re.escape(f".{field} wants shape {wanted}, got {got}")):
-        make(**{field: value})
+        dataclasses.replace(message, **{field: value})
 
 
 @pytest.mark.parametrize(
@@ -124,19 +65,14 @@ def test_a_wrong_shape_is_refused_with_what_it_is_and_what_was_wanted(make, fiel
 )
 def test_a_picture_is_three_channels_of_uint8(image, fault):
     with pytest.raises(ValueError, match=fault):
-        frame(image)
+        dataclasses.replace(FRAME, image=image)
 
 
 def test_right_shapes_are_taken():
-    bar_pose()
-    bar_pose(corners_px=np.zeros((4, 2)))  # a target of one quadrilateral
-    telemetry(velocity_in_level_mps=np.zeros(3))
-    telemetry()
-    verdict()
-    estimate()
-    estimate(velocity_in_bar_mps=np.zeros(3), covariance=np.eye(4))
-    frame(np.zeros((720, 1280, 3), np.uint8))
-    frame(None)
+    dataclasses.replace(BAR_POSE, corners_px=np.zeros((4, 2)))  # a target of one quadrilateral
+    dataclasses.replace(TELEMETRY, velocity_in_level_mps=np.zeros(3))
+    dataclasses.replace(ESTIMATE, velocity_in_bar_mps=np.zeros(3), covariance=np.eye(4))
+    dataclasses.replace(FRAME, image=np.zeros((720, 1280, 3), np.uint8))
 
 
 @pytest.mark.parametrize(
@@ -168,7 +104,8 @@ def test_truth_gives_the_aircraft_in_deck_and_bar_by_hand():
     # The ship heads east at (100, 50); the deck's surface is 0.9 m up; the bar 2.09 m ahead and 0.75 m higher.
     # The aircraft is 3 m west of the deck's centre (astern), 1 m to the south (starboard), 4.9 m above the sea.
     east_rad = 0.5 * np.pi
-    seen = truth(
+    seen = dataclasses.replace(
+        TRUTH,
         ned_from_body=Pose.from_euler((99.0, 47.0, -4.9), 0.1, 0.1, 1.0),
         ned_from_ship=Pose.from_euler((100.0, 50.0, -0.9), 0.0, 0.0, east_rad),
         ned_from_deck=Pose.from_euler((100.0, 50.0, -0.9), 0.0, 0.0, east_rad),
