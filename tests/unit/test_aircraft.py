@@ -11,13 +11,8 @@ from hypothesis import strategies as st
 from shipland.config import merge
 from shipland.frames import (
     GRAVITY_MPS2,
-    euler_from_quaternion,
     euler_from_rotation,
-    quaternion_from_euler,
-    rotation_from_euler,
-    rotation_from_quaternion,
     rows_from_euler,
-    rows_from_quaternion,
 )
 from shipland.messages import Intent, PilotCommand
 from shipland.rig import Rig
@@ -55,16 +50,6 @@ def attitude_deg(flown: World) -> tuple[float, float, float]:
     """Roll, pitch, heading."""
     roll, pitch, yaw = np.degrees(euler_from_rotation(flown.truth().ned_from_body.rotation))
     return float(roll), float(pitch), float(yaw)
-
-
-@given(angle, angle, st.floats(-3.0, 3.0))
-def test_plain_rotations_agree_with_the_frame_table(roll: float, pitch: float, yaw: float) -> None:
-    expected = rotation_from_euler(roll, pitch, yaw)
-    np.testing.assert_allclose(np.reshape(rows_from_euler(roll, pitch, yaw), (3, 3)), expected, atol=1e-12)
-    in_ned = quaternion_from_euler(roll, pitch, yaw)
-    np.testing.assert_allclose(rotation_from_quaternion(np.array(in_ned)), expected, atol=1e-12)
-    np.testing.assert_allclose(np.reshape(rows_from_quaternion(*in_ned), (3, 3)), expected, atol=1e-12)
-    np.testing.assert_allclose(euler_from_quaternion(in_ned), (roll, pitch, yaw), atol=1e-9)
 
 
 def test_drag_in_level_flight_is_the_nominal_model() -> None:
@@ -243,14 +228,6 @@ def test_over_a_drifting_surface_the_velocity_kind_goes_with_it() -> None:
     assert np.abs(flown.readings().velocity_in_level_mps).max() < 0.02  # the vehicle does not know
 
 
-@pytest.mark.parametrize("kind", ["attitude", "velocity"])
-def test_released_sticks_return_to_the_place_after_a_gust(kind: str) -> None:
-    flown = world(wind_mps=Gust(), aircraft=merge(QUIET, {"loop": {"kind": kind}}))
-    before = flown.truth().ned_from_body.translation_m
-    flown.advance(20.0)
-    np.testing.assert_allclose(flown.truth().ned_from_body.translation_m, before, atol=0.05)
-
-
 @pytest.mark.parametrize("wind_mps", [5.0, 9.0, 12.0])
 def test_holds_its_place_in_a_side_wind(wind_mps: float) -> None:
     flown = world(wind_mps=(0.0, wind_mps, 0.0), aircraft=QUIET)
@@ -269,17 +246,18 @@ class Gust:
         return (-9.0 if t_s >= 1.0 else 0.0, 0.0, 0.0)
 
 
-def test_a_gust_pushes_it_off_and_it_comes_back() -> None:
-    flown = world(wind_mps=Gust(), aircraft=QUIET)
-    start_m = flown.truth().ned_from_body.translation_m[0]
+@pytest.mark.parametrize("kind", ["attitude", "velocity"])
+def test_a_gust_pushes_it_off_and_it_comes_back(kind: str) -> None:
+    flown = world(wind_mps=Gust(), aircraft=merge(QUIET, {"loop": {"kind": kind}}))
+    start_m = flown.truth().ned_from_body.translation_m
     strayed = []
     for t_s in np.arange(1.0, 21.0, 0.1):
         flown.advance(float(t_s))
-        strayed.append(float(start_m - flown.truth().ned_from_body.translation_m[0]))
+        strayed.append(float(start_m[0] - flown.truth().ned_from_body.translation_m[0]))
         roll, pitch, _ = attitude_deg(flown)
         assert math.hypot(roll, pitch) < aircraft_parameters().loop.tilt_limit_deg + 3.0
     assert 0.3 < max(strayed) < 2.0
-    assert abs(strayed[-1]) < 0.05
+    np.testing.assert_allclose(flown.truth().ned_from_body.translation_m, start_m, atol=0.05)
 
 
 @pytest.mark.parametrize("percent", [-100.0, -40.0, 40.0, 100.0])

@@ -97,41 +97,37 @@ def with_row(seed, /, **values):
     return rows(lambda table: [row | values if row["seed"] == str(seed) else row for row in table])
 
 
-def about(**values):
+def in_json(name, change):
+    """Changes a table of a file."""
+
     def changed(files):
-        files["bundle.json"] = json.dumps(json.loads(files["bundle.json"]) | values).encode()
+        table = json.loads(files[name])
+        change(table)
+        files[name] = json.dumps(table).encode()
 
     return changed
+
+
+KEY = "rig-natops_paper/campaign.json"
+windless = in_json(KEY, lambda table: table["scenario"]["wind"].update(mean_mps=0.0))
+
+
+def about(**values):
+    return in_json("bundle.json", lambda table: table.update(values))
 
 
 def key(**values):
-    def changed(files):
-        name = "rig-natops_paper/campaign.json"
-        files[name] = json.dumps(json.loads(files[name]) | values).encode()
-
-    return changed
-
-
-def windless(files):
-    name = "rig-natops_paper/campaign.json"
-    table = json.loads(files[name])
-    table["scenario"]["wind"]["mean_mps"] = 0.0
-    files[name] = json.dumps(table).encode()
+    return in_json(KEY, lambda table: table.update(values))
 
 
 def windless_throughout(files):
     windless(files)
-    table = json.loads(files["rig-natops_paper/campaign.json"])
-    key(configuration=config_digest(table["scenario"]))(files)
+    key(configuration=config_digest(json.loads(files[KEY])["scenario"]))(files)
 
 
 def without_a_cell(files):
-    cells = json.loads(files["cells.json"])
-    del cells["cells"]["ship-sea6_paper"]
-    files["cells.json"] = json.dumps(cells).encode()
-    summary = json.loads(files["bundle.json"])
-    del summary["summary"]["ship-sea6_paper"]
-    files["bundle.json"] = json.dumps(summary).encode()
+    for name, part in (("cells.json", "cells"), ("bundle.json", "summary")):
+        in_json(name, lambda table, part=part: table[part].pop("ship-sea6_paper"))(files)
     for name in [name for name in files if name.startswith("ship-sea6")]:
         del files[name]
 

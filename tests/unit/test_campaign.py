@@ -57,8 +57,8 @@ def changed(plan, **change):
 
 
 @pytest.fixture
-def request_(tmp_path, monkeypatch):
-    """A campaign of three whose flights are made up; the seeds flown are counted."""
+def flown(monkeypatch):
+    """Seeds of the flights, which are made up."""
     flown = []
 
     def land(flight):
@@ -66,136 +66,135 @@ def request_(tmp_path, monkeypatch):
         return replace(seeded(GOOD, flight.seed), sink_mps=round(0.1 * flight.seed, 4))
 
     monkeypatch.setattr("shipland.evaluation.job.land_once", land)
-    request = CampaignPlan(cells_of([SuiteEntry(("near",))], Overrides(("paper",))), range(1, 4), tmp_path / "out")
-    return request, flown
+    return flown
 
 
-def test_rows_survive_the_file_and_are_not_flown_again(request_):
-    request, flown = request_
-    first = run_campaign(request)
-    again = run_campaign(replace(request, seeds=range(1, 6)))
+@pytest.fixture
+def plan(tmp_path, flown):
+    """A campaign of three."""
+    return CampaignPlan(cells_of([SuiteEntry(("near",))], Overrides(("paper",))), range(1, 4), tmp_path / "out")
+
+
+@pytest.fixture
+def first(plan):
+    """Its landings, once it is flown."""
+    return run_campaign(plan)
+
+
+@pytest.fixture
+def table(plan, first):
+    """The file of its rows."""
+    return cell_of(plan) / "landings.csv"
+
+
+def test_rows_survive_the_file_and_are_not_flown_again(plan, first, flown):
+    again = run_campaign(replace(plan, seeds=range(1, 6)))
     assert again[:3] == first
     assert flown == [1, 2, 3, 4, 5]
 
 
-def test_the_table_is_plain_csv_and_the_rest_stands_beside_it(request_):
-    request, _ = request_
-    run_campaign(request)
-    assert (cell_of(request) / "landings.csv").read_text().splitlines()[0] == ",".join(COLUMNS)
-    beside = json.loads((cell_of(request) / "campaign.json").read_text())
+def test_the_table_is_plain_csv_and_the_rest_stands_beside_it(table):
+    assert table.read_text().splitlines()[0] == ",".join(COLUMNS)
+    beside = json.loads((table.parent / "campaign.json").read_text())
     assert beside["scenario"]["ship"]["motion"] == "natops"
     assert {"version", "source", "configuration", "weights", "libraries", "command"} <= set(beside)
 
 
-def test_a_table_without_cells_is_refused(request_):
-    request, _ = request_
-    request.out.mkdir()
-    (request.out / "landings.csv").write_text("")
+def test_a_table_without_cells_is_refused(plan):
+    plan.out.mkdir()
+    (plan.out / "landings.csv").write_text("")
     with pytest.raises(DataError, match="give another folder"):
-        run_campaign(request)
+        run_campaign(plan)
 
 
 @pytest.mark.parametrize(
     ("part", "words"),
     [("scenario", "another configuration"), ("source_digest", "another code"), ("file_digest", "another weights")],
 )
-def test_rows_of_another_kind_are_refused(request_, monkeypatch, part, words):
-    request = changed(request_[0], vision="rendered")
-    run_campaign(request)
+def test_rows_of_another_kind_are_refused(plan, monkeypatch, part, words):
+    plan = changed(plan, vision="rendered")
+    run_campaign(plan)
     if part == "scenario":
-        request = changed(request, scenario=load_scenario("near", wind={"mean_mps": 7.0}))
+        plan = changed(plan, scenario=load_scenario("near", wind={"mean_mps": 7.0}))
     else:
         monkeypatch.setattr(folders, part, lambda *_: "0" * 16)
     with pytest.raises(DataError, match=words):
-        run_campaign(request)
+        run_campaign(plan)
 
 
-def test_broken_row_is_named(request_):
-    request, _ = request_
-    run_campaign(request)
-    path = cell_of(request) / "landings.csv"
-    path.write_text(path.read_text().replace("\n2,True", "\n2,perhaps"))
+def test_broken_row_is_named(plan, table):
+    table.write_text(table.read_text().replace("\n2,True", "\n2,perhaps"))
     with pytest.raises(DataError, match="line 3"):
-        run_campaign(request)
+        run_campaign(plan)
 
 
-def test_a_row_cut_short_is_flown_again(request_):
-    request, flown = request_
-    first = run_campaign(request)
-    path = cell_of(request) / "landings.csv"
-    path.write_text(path.read_text()[:-20])
-    assert run_campaign(request) == first
+def test_a_row_cut_short_is_flown_again(plan, first, table, flown):
+    table.write_text(table.read_text()[:-20])
+    assert run_campaign(plan) == first
     assert flown == [1, 2, 3, 3]
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="wants a device that is always full")
-def test_a_repair_that_fails_leaves_the_table_whole(request_):
-    request, _ = request_
-    run_campaign(request)
-    path = cell_of(request) / "landings.csv"
-    cut = path.read_bytes()[:-20]
-    path.write_bytes(cut)
-    (cell_of(request) / f".landings.csv.{os.getpid()}.part").symlink_to("/dev/full")
+full_disk = pytest.mark.skipif(not Path("/dev/full").exists(), reason="wants a device that is always full")
+
+
+@full_disk
+def test_a_repair_that_fails_leaves_the_table_whole(plan, table):
+    cut = table.read_bytes()[:-20]
+    table.write_bytes(cut)
+    table.with_name(f".landings.csv.{os.getpid()}.part").symlink_to("/dev/full")
     with pytest.raises(DataError, match="No space left on device"):
-        run_campaign(request)
-    assert path.read_bytes() == cut
-    assert len(run_campaign(request)) == 3  # there is space again
+        run_campaign(plan)
+    assert table.read_bytes() == cut
+    assert len(run_campaign(plan)) == 3  # there is space again
 
 
-def test_who_reads_a_table_leaves_it_as_it_is(request_):
-    request, _ = request_
-    run_campaign(request)
-    path = cell_of(request) / "landings.csv"
-    path.write_bytes(path.read_bytes()[:-20])  # the campaign that flies in it is writing this row
-    before = path.read_bytes()
-    assert [it.seed for it in read_campaign(cell_of(request))] == [1, 2]
-    assert path.read_bytes() == before
+def test_who_reads_a_table_leaves_it_as_it_is(table):
+    table.write_bytes(table.read_bytes()[:-20])  # the campaign that flies in it is writing this row
+    before = table.read_bytes()
+    assert [it.seed for it in read_campaign(table.parent)] == [1, 2]
+    assert table.read_bytes() == before
 
 
 @pytest.mark.parametrize("damage", [b"\xff\xfe", b"\x00", b'"' + b"9" * 200_000, b"9" * 5000])
-def test_a_table_of_any_content_is_one_line(request_, damage):
-    request, _ = request_
-    run_campaign(request)
-    path = cell_of(request) / "landings.csv"
-    path.write_bytes(path.read_bytes().replace(b"\n2,", b"\n" + damage + b"2,"))
+def test_a_table_of_any_content_is_one_line(table, damage):
+    table.write_bytes(table.read_bytes().replace(b"\n2,", b"\n" + damage + b"2,"))
     with pytest.raises(DataError, match=r"not a landing|not text in UTF-8"):
-        read_campaign(cell_of(request))
+        read_campaign(table.parent)
 
 
-def test_a_second_campaign_in_the_folder_is_refused(request_):
-    request, _ = request_
-    with open_campaign(request), pytest.raises(DataError, match="another campaign flies in this folder"):
-        run_campaign(request)
-    assert len(run_campaign(request)) == 3
+def test_a_second_campaign_in_the_folder_is_refused(plan):
+    with open_campaign(plan), pytest.raises(DataError, match="another campaign flies in this folder"):
+        run_campaign(plan)
+    assert len(run_campaign(plan)) == 3
 
 
-def test_a_folder_that_cannot_be_written_is_one_line(request_, tmp_path):
-    request, _ = request_
+def test_a_folder_that_cannot_be_written_is_one_line(plan, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(DataError, match="cannot be written: Not a directory"):
-        run_campaign(replace(request, out=tmp_path / "file" / "out"))
+        run_campaign(replace(plan, out=tmp_path / "file" / "out"))
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="wants a device that is always full")
+EMPTY_KEY = dict.fromkeys(("version", "source", "configuration", "pilot", "vision", "own_code", "weights"), "")
+
+
+@full_disk
 def test_a_full_disk_is_one_line(tmp_path):
     (tmp_path / "landings.csv").write_text(",".join(COLUMNS) + "\n")
-    key = dict.fromkeys(("version", "source", "configuration", "pilot", "vision", "own_code", "weights"), "")
-    (tmp_path / "campaign.json").write_text(json.dumps(key))
-    folder = folder_in(tmp_path, key)
+    (tmp_path / "campaign.json").write_text(json.dumps(EMPTY_KEY))
+    folder = folder_in(tmp_path, EMPTY_KEY)
     (tmp_path / "landings.csv").unlink()
     (tmp_path / "landings.csv").symlink_to("/dev/full")
     with pytest.raises(DataError, match="No space left on device"):
         folder.append(GOOD)
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="wants a device that is always full")
+@full_disk
 def test_after_a_full_disk_the_folder_can_be_used(tmp_path):
-    key = dict.fromkeys(("version", "source", "configuration", "pilot", "vision", "own_code", "weights"), "")
     (tmp_path / f".campaign.json.{os.getpid()}.part").symlink_to("/dev/full")
     with pytest.raises(DataError, match="No space left on device"):
-        folder_in(tmp_path, key)
+        folder_in(tmp_path, EMPTY_KEY)
     assert not (tmp_path / "campaign.json").exists()
-    assert not folder_in(tmp_path, key).seeds  # there is space again
+    assert not folder_in(tmp_path, EMPTY_KEY).seeds  # there is space again
 
 
 def test_a_row_holds_everything():

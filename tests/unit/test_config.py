@@ -1,5 +1,6 @@
 """Dataclasses from TOML: what is taken, what is refused and in which words, and how layers merge."""
 
+import copy
 import dataclasses
 import enum
 import math
@@ -135,11 +136,13 @@ class TestBuild:
             ("pitch", {"k_p": "high", "k_i": 0}, r"s\.pitch\.k_p: expected float, got 'high'"),
             ("pitch", {"k_p": -1, "k_i": 0}, r"s\.pitch\.k_p: expected 0 or more, got -1$"),
             ("pitch", {"k_p": 1, "k_i": 2}, r"s\.pitch: k_i must not be above k_p$"),
+            ("pitch", {"kp": 1, "k_i": 0}, r"s\.pitch: unknown key 'kp'; did you mean 'k_p'\?$"),
             ("law", "cubic", r"s\.law: 'cubic' is none of 'linear', 'exponential'"),
             ("law", 3, r"s\.law: 3 is none of 'linear', 'exponential'"),
             ("steps", 3.0, r"s\.steps: expected int, got 3\.0"),
             ("steps", True, r"s\.steps: expected int, got True"),
             ("steps", "3", r"s\.steps: expected int, got '3'"),
+            ("steps", 2**63, r"s\.steps: expected a number of 64 bits, got 9223372036854775808"),
             ("damped", 1, r"s\.damped: expected bool, got 1"),
             ("name", 7, r"s\.name: expected str, got 7"),
             ("file", 7, r"s\.file: expected str, got 7"),
@@ -173,10 +176,6 @@ class TestBuild:
     def test_an_unknown_key_is_refused_with_the_nearest_known_one(self, key, nearest):
         with pytest.raises(ConfigError, match=rf"^s: unknown key '{key}'; did you mean '{nearest}'\?$"):
             build(Settings, table(**{key: 1}), "s")
-
-    def test_an_unknown_key_is_refused_in_a_nested_table_too(self):
-        with pytest.raises(ConfigError, match=r"^s\.pitch: unknown key 'kp'; did you mean 'k_p'\?$"):
-            build(Settings, table(pitch={"kp": 1, "k_i": 0}), "s")
 
     def test_a_table_that_takes_no_keys_says_so(self):
         assert build(NoKeys, {}) == NoKeys()
@@ -271,18 +270,10 @@ class TestLayers:
     def test_tables_merge_key_by_key_and_everything_else_is_replaced(self):
         base = {"rig": {"deck_m": 1.0, "bar_m": 2.0}, "list": [1, 2], "name": "x"}
         overlay = {"rig": {"deck_m": 3.0}, "list": [9], "extra": {"k": 1}}
-        assert merge(base, overlay) == {
-            "rig": {"deck_m": 3.0, "bar_m": 2.0},
-            "list": [9],
-            "name": "x",
-            "extra": {"k": 1},
-        }
-
-    def test_the_layers_themselves_stay_as_they_are(self):
-        base, overlay = {"rig": {"deck_m": 1.0}}, {"rig": {"deck_m": 3.0}}
-        merge(base, overlay)
-        assert base == {"rig": {"deck_m": 1.0}}
-        assert overlay == {"rig": {"deck_m": 3.0}}
+        before = copy.deepcopy((base, overlay))
+        merged = {"rig": {"deck_m": 3.0, "bar_m": 2.0}, "list": [9], "name": "x", "extra": {"k": 1}}
+        assert merge(base, overlay) == merged
+        assert (base, overlay) == before
 
     @given(tables)
     def test_an_empty_layer_changes_nothing_and_a_layer_over_itself_is_itself(self, layer):
@@ -296,20 +287,12 @@ class TestLayers:
         assert merge(merged, overlay) == merged
         assert set(merged) == set(base) | set(overlay)
 
-    def test_a_value_laid_over_a_table_is_refused_when_it_is_built(self):
-        with pytest.raises(ConfigError, match=r"s\.pitch: expected a table, got 3"):
-            build(Settings, merge(table(), {"pitch": 3}), "s")
-
 
 class TestFiles:
-    def test_read(self, tmp_path):
+    @pytest.mark.parametrize("content", [b"[rig]\ndeck_m = 1.5\n", b"\xef\xbb\xbf[rig]\r\ndeck_m = 1.5\r\n"])
+    def test_read_also_with_a_byte_order_mark_and_windows_line_ends(self, content, tmp_path):
         path = tmp_path / "a.toml"
-        path.write_text("[rig]\ndeck_m = 1.5\n")
-        assert read_toml(path) == {"rig": {"deck_m": 1.5}}
-
-    def test_a_byte_order_mark_and_windows_line_ends_do_no_harm(self, tmp_path):
-        path = tmp_path / "a.toml"
-        path.write_bytes(b"\xef\xbb\xbf[rig]\r\ndeck_m = 1.5\r\n")
+        path.write_bytes(content)
         assert read_toml(path) == {"rig": {"deck_m": 1.5}}
 
     @pytest.mark.parametrize(
@@ -405,10 +388,6 @@ class TestHostile:
         with pytest.raises(ConfigError, match=r"own\.toml is not valid TOML: |expected a number of 64 bits") as told:
             load_scenario(path)
         assert "\n" not in str(told.value)
-
-    def test_a_whole_number_is_of_64_bits(self):
-        with pytest.raises(ConfigError, match=r"s\.steps: expected a number of 64 bits, got 9223372036854775808"):
-            build(Settings, table(steps=2**63), "s")
 
 
 def floats(values, section):

@@ -76,24 +76,6 @@ class TestRotations:
             rotation_from_euler(roll_rad, pitch_rad, yaw_rad), yawed @ pitched @ rolled, atol=EXACT_RAD
         )
 
-    @given(angles, angles, angles, st.floats(0.1, 10.0))
-    def test_quaternion_of_any_length_gives_the_same_rotation_as_its_angles(self, roll_rad, pitch_rad, yaw_rad, length):
-        cr, cp, cy = np.cos(0.5 * np.array([roll_rad, pitch_rad, yaw_rad]))
-        sr, sp, sy = np.sin(0.5 * np.array([roll_rad, pitch_rad, yaw_rad]))
-        quaternion_wxyz = length * np.array(
-            [
-                cr * cp * cy + sr * sp * sy,
-                sr * cp * cy - cr * sp * sy,
-                cr * sp * cy + sr * cp * sy,
-                cr * cp * sy - sr * sp * cy,
-            ]
-        )
-        np.testing.assert_allclose(
-            rotation_from_quaternion(quaternion_wxyz),
-            rotation_from_euler(roll_rad, pitch_rad, yaw_rad),
-            atol=EXACT_RAD,
-        )
-
     @given(st.floats(-50.0, 50.0))
     def test_wrapped_angle_is_the_same_angle_between_minus_pi_and_pi(self, angle_rad):
         wrapped_rad = wrap_angle(angle_rad)
@@ -254,15 +236,22 @@ class TestByHand:
 
 
 class TestPlainFloats:
-    """The conversions in plain floats say the same as each other and as those in arrays."""
+    """The conversions in plain floats and by quaternions are those of the rotation."""
 
-    @given(angles, pitches, angles)
-    def test_quaternion_and_euler_angles_are_the_same_turn(self, roll_rad, pitch_rad, yaw_rad):
+    @given(angles, pitches, angles, st.floats(0.1, 10.0))
+    def test_quaternion_rows_and_angles_are_the_same_turn(self, roll_rad, pitch_rad, yaw_rad, length):
+        rotation = rotation_from_euler(roll_rad, pitch_rad, yaw_rad)
         quaternion = quaternion_from_euler(roll_rad, pitch_rad, yaw_rad)
-        rows = rows_from_euler(roll_rad, pitch_rad, yaw_rad)
-        np.testing.assert_allclose(rows_from_quaternion(*quaternion), rows, atol=1e-12)
+        np.testing.assert_allclose(rotation_from_quaternion(length * np.array(quaternion)), rotation, atol=EXACT_RAD)
+        np.testing.assert_allclose(rows_from_euler(roll_rad, pitch_rad, yaw_rad), rotation.ravel(), atol=1e-12)
+        np.testing.assert_allclose(rows_from_quaternion(*quaternion), rotation.ravel(), atol=1e-12)
         for got_rad, want_rad in zip(euler_from_quaternion(quaternion), (roll_rad, pitch_rad, yaw_rad), strict=True):
             assert abs(wrap_angle(got_rad - want_rad)) < 1e-5  # near ±90° the arcsine has half the digits
+
+    def test_quaternion_by_hand(self):
+        # Half of a quarter turn to the right, about down: w and z are cos 45°.
+        half = np.sqrt(0.5)
+        np.testing.assert_allclose(quaternion_from_euler(0.0, 0.0, DEGREES_90), [half, 0.0, 0.0, half], atol=1e-15)
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
