@@ -105,9 +105,21 @@ def test_a_stepped_flight_is_the_flight_of_the_loop_whatever_fails():
     assert len(records) > 200
 
 
-def test_a_zero_residual_lands_as_the_pilot_alone():
+def where(picture, colour):
+    """Middle row and column of a picture's pixels of nearly that colour."""
+    return np.argwhere((np.abs(picture.astype(int) - colour) < 30).all(axis=2)).mean(axis=0)
+
+
+def test_a_zero_residual_lands_as_the_pilot_alone_and_is_drawn_as_it_is_now():
     alone = shipland.fly("near", seed=3)
-    _, rewards, info = flown(make(action="residual"), 3, [ZERO] * 2000)
+    env = make(action="residual", render_mode="rgb_array")
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.unwrapped.render()
+    env.reset(seed=3)
+    first = env.render()
+    _, rewards, info = flown(env, 3, [ZERO] * 2000)
+    last = env.render()
+    env.close()
     assert len(rewards) == len(alone.records)
     assert alone.success
     assert info["in_square"] is info["is_success"] is info["landed"] is True
@@ -115,6 +127,14 @@ def test_a_zero_residual_lands_as_the_pilot_alone():
     # From about 12 m away to the middle of the deck in about 17 s, and 10 for the landing.
     start_m = np.linalg.norm(alone.records[0].truth.aircraft_in_deck_m)
     assert sum(rewards) == pytest.approx(10.0 + start_m - 0.05 * info["t_s"], abs=0.5)
+    assert first.shape == last.shape == (480, 640, 3)
+    assert first.dtype == np.uint8
+    for panel in (slice(30, 215), slice(225, 480)):  # from the side, from above
+        deck, aircraft = (where(first[panel], colour) for colour in (GREY, ORANGE))
+        assert aircraft[1] < deck[1] - 200  # astern is to the left
+        deck, aircraft = (where(last[panel], colour) for colour in (GREY, ORANGE))
+        assert aircraft == pytest.approx(deck, abs=25)
+    assert LandingEnv().render() is None
 
 
 @pytest.mark.parametrize(
@@ -236,34 +256,6 @@ def test_what_is_wrong_is_said_in_one_line(wrong, words):
     with pytest.raises(ShiplandError, match=words) as found:
         LandingEnv(**wrong)
     assert "\n" not in str(found.value)
-
-
-def where(picture, colour):
-    """Middle row and column of a picture's pixels of nearly that colour."""
-    return np.argwhere((np.abs(picture.astype(int) - colour) < 30).all(axis=2)).mean(axis=0)
-
-
-def test_a_flight_is_drawn_as_it_is_now():
-    env = gymnasium.make(LANDING, scenario="near", action="residual", render_mode="rgb_array")
-    with pytest.raises(gymnasium.error.ResetNeeded):
-        env.unwrapped.render()
-    env.reset(seed=3)
-    first = env.render()
-    over = False
-    while not over:
-        *_, terminated, truncated, info = env.step(ZERO)
-        over = terminated or truncated
-    last = env.render()
-    env.close()
-    assert first.shape == last.shape == (480, 640, 3)
-    assert first.dtype == np.uint8
-    assert info["is_success"]
-    for panel in (slice(30, 215), slice(225, 480)):  # from the side, from above
-        deck, aircraft = (where(first[panel], colour) for colour in (GREY, ORANGE))
-        assert aircraft[1] < deck[1] - 200  # astern is to the left
-        deck, aircraft = (where(last[panel], colour) for colour in (GREY, ORANGE))
-        assert aircraft == pytest.approx(deck, abs=25)
-    assert LandingEnv().render() is None
 
 
 def test_it_records_for_stable_baselines():

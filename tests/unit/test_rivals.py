@@ -130,16 +130,22 @@ def test_without_osqp_one_line_says_what_to_install(monkeypatch):
         SpectralMpc(SpectralMpcParameters(), ANAFI_LIKE)
 
 
+def close_by(stick, **changes):
+    """Still air, 6 m astern."""
+    start = {"distance_m": 6.0, "distance_half_range_m": 0.0}
+    still = {"aircraft.loop.kind": stick, "wind.mean_mps": 0.0}
+    return load_scenario("rig-natops", start=start, **still, **changes)
+
+
 @pytest.mark.parametrize("stick", ["attitude", "velocity"])
 @pytest.mark.parametrize("pilot", ["image_servoing", "spectral_mpc", "deck_following"])
 def test_a_rival_lands_in_still_air_and_begins_the_same_way_twice(pilot, stick):
     if pilot == "spectral_mpc":
         pytest.importorskip("osqp")
-    still, rows = {"aircraft.loop.kind": stick, "wind.mean_mps": 0.0}, []
-    flown = fly_quietly(load_scenario("rig-natops", **still), pilot, "geometric", 1001, rows.append)
+    rows, again = [], []
+    flown = fly_quietly(close_by(stick), pilot, "geometric", 1001, rows.append)
     assert flown.success, flown.reason
-    again = []
-    fly_quietly(load_scenario("rig-natops", **still, time_limit_s=3.0), pilot, "geometric", 1001, again.append)
+    fly_quietly(close_by(stick, time_limit_s=3.0), pilot, "geometric", 1001, again.append)
     assert len(again) > 50
     assert [row.decision.command for row in again] == [row.decision.command for row in rows[: len(again)]]
 
@@ -147,8 +153,7 @@ def test_a_rival_lands_in_still_air_and_begins_the_same_way_twice(pilot, stick):
 def test_the_deck_is_followed_by_the_tag_alone():
     """Once the camera looks down no pose of the bar is seen, to contact."""
     rows = []
-    scenario = load_scenario("rig-natops", **{"aircraft.loop.kind": "velocity", "wind.mean_mps": 0.0})
-    assert fly_quietly(scenario, "deck_following", "geometric", 1002, rows.append).success
+    assert fly_quietly(close_by("velocity"), "deck_following", "geometric", 1002, rows.append).success
     landing = [row.observation for row in rows if row.decision.mode is not None and row.decision.mode.name == "LAND"]
     assert sum(observation.deck is not None for observation in landing) > 20
     assert all(observation.bar_pose is None for observation in landing)
