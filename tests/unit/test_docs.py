@@ -19,6 +19,16 @@ DOCS = sorted((ROOT / "docs").rglob("*.md"))
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS]
 
 
+@pytest.fixture(scope="module")
+def hooks():
+    """What makes pages of the site."""
+    pytest.importorskip("latex2mathml", reason="the docs extra is not installed")
+    specification = importlib.util.spec_from_file_location("mkdocs_hooks", ROOT / "tools" / "mkdocs_hooks.py")
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
 def page_id(path: Path) -> str:
     return str(path.relative_to(ROOT))
 
@@ -105,8 +115,7 @@ def test_pages_read_whole_without_a_plug_in():
     assert not [page_id(path) for path in PAGES if "<!--" in path.read_text(encoding="utf-8")]
 
 
-def test_the_configuration_page_shows_every_key():
-    hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
+def test_the_configuration_page_shows_every_key(hooks):
     page = (ROOT / "docs" / "reference" / "configuration.md").read_text(encoding="utf-8")
     files = [Path(file).name for file, how in hooks.SHOWN.findall(page) if how == "tables"]
     tables = "\n".join(map(hooks.page_tables, files))
@@ -132,8 +141,7 @@ class Outer:
     ratio: float = key(0.5, "of both", ge=0, le=1)
 
 
-def test_tables_by_hand():
-    hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
+def test_tables_by_hand(hooks):
     assert hooks.markdown_tables(settings_of(Outer, plain(Outer()), "rig")).splitlines() == [
         "",
         "### `[rig]`",
@@ -154,8 +162,8 @@ def test_tables_by_hand():
 
 
 @pytest.mark.parametrize("name", ["scenario.py", "outputs.py", "settings.py", "address.py"])
-def test_the_page_knows_the_meaning_of_every_key(name):
-    page = load(ROOT / "tools" / "mkdocs_hooks.py").page_tables(name)
+def test_the_page_knows_the_meaning_of_every_key(name, hooks):
+    page = hooks.page_tables(name)
     rows = [line for line in page.splitlines() if line.startswith("| `")]
     without = [row for row in rows if not row.split(" | ")[4].strip()]
     # The gains of the paper's far laws have the letters of its equations; their class names these.
@@ -164,16 +172,14 @@ def test_the_page_knows_the_meaning_of_every_key(name):
     ]
 
 
-def test_every_command_has_its_help(monkeypatch):
-    hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
+def test_every_command_has_its_help(hooks, monkeypatch):
     monkeypatch.setattr(hooks, "COMMANDS", COMMANDS[1:2])
     page = (ROOT / "docs" / "reference" / "commands.md").read_text(encoding="utf-8")
     made = hooks.on_page_markdown(page, page_of("reference/commands.md"))
     assert "\n## shipland fly\n\n```text\nusage: shipland fly" in made and "--scenario" in made
 
 
-def test_files_that_pages_show_are_there():
-    hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
+def test_files_that_pages_show_are_there(hooks):
     shown = [
         (path.parent / file).resolve().relative_to(ROOT)
         for path in DOCS
@@ -187,15 +193,14 @@ def test_files_that_pages_show_are_there():
     assert page.startswith("```py\n") and page.endswith("\n```")
 
 
-def test_links_out_of_the_documentation_become_text_on_the_site():
-    hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
+def test_links_out_of_the_documentation_become_text_on_the_site(hooks):
     line = "[modes.py](../../src/shipland/guidance/modes.py), [a\nb](../../LICENSE), [x](../results/suites.md#faults)"
     made = hooks.on_page_markdown(line, page_of("explanation/modes.md"))
     assert made == "`modes.py`, a\nb, [x](../results/suites.md#faults)"
 
 
-def test_the_columns_of_files_are_shown_with_unit_and_meaning():
-    hooks, page = load(ROOT / "tools" / "mkdocs_hooks.py"), ROOT / "docs" / "reference" / "outputs.md"
+def test_the_columns_of_files_are_shown_with_unit_and_meaning(hooks):
+    page = ROOT / "docs" / "reference" / "outputs.md"
     shown = [how for _, how in hooks.SHOWN.findall(page.read_text(encoding="utf-8"))]
     assert shown == ["columns of flight", "columns of landings"]
     landings = hooks.column_table("landings").splitlines()
@@ -209,14 +214,6 @@ def test_the_columns_of_files_are_shown_with_unit_and_meaning():
 def page_of(path: str):
     """What MkDocs tells a hook of a page."""
     return SimpleNamespace(file=SimpleNamespace(src_uri=path))
-
-
-def load(path: Path):
-    pytest.importorskip("latex2mathml", reason="the docs extra is not installed")
-    specification = importlib.util.spec_from_file_location(path.stem, path)
-    module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    return module
 
 
 def test_the_tests_that_a_page_names_exist():

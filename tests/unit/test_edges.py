@@ -114,20 +114,11 @@ def test_straight_in_the_world_through_a_lens(rng):
     assert np.abs(measured.corners_px[0] - truth).max() < 0.1  # px: the remap itself errs by some hundredths
 
 
-def test_coded_colour_is_measured_by_its_light(rng):
-    # JPEG and video keep colour at half resolution: by colour alone corners err by 0.1–0.3 px.
-    errors, squared = [], []
-    for _ in range(6):
+def tapes(rng, count):
+    """Corners and pictures of a plain green rectangle."""
+    for _ in range(count):
         corners = turned_box(60.0, 20.0, np.array([80.0, 45.0]) + rng.uniform(-1.0, 1.0, 2), 2.0)
-        coded = cv2.imencode(".jpg", drawn(corners, rng, Look(0.4, 1.0)), [cv2.IMWRITE_JPEG_QUALITY, 85])[1]
-        measured = found(cv2.imdecode(coded, cv2.IMREAD_COLOR), corners + 0.3)
-        error_px, edge_bias = measured.corners_px[0] - corners, measured.edge_bias_px[0]
-        errors.append(
-            error_px - np.vdot(error_px, edge_bias) / np.vdot(edge_bias, edge_bias) * edge_bias
-        )  # as the pose does
-        squared.append(np.square(measured.whiten[0] @ errors[-1].ravel()).mean())
-    assert np.sqrt(np.mean(np.square(errors))) < 0.08  # px
-    assert np.mean(squared) < 2.0  # of what is stated; 6 by the columns of pixels alone
+        yield corners, drawn(corners, rng, Look(0.4, 1.0))
 
 
 def lamps(rng, count):
@@ -142,19 +133,24 @@ def test_a_lamp_that_clips_is_measured_by_the_colours_that_do_not(rng):
     assert np.sqrt(np.mean(np.square(errors_px))) < 0.06  # by the clipped colour 0.3
 
 
-def test_a_coded_lamp_that_clips_is_measured_by_its_luma(rng):
-    # Red and blue, at half resolution, err by 0.3 px and more, and state less.
+@pytest.mark.parametrize(
+    ("pictures", "count", "most_px"),
+    [
+        (tapes, 6, 0.08),  # its colour is kept at half resolution: by it alone corners err by 0.1–0.3 px
+        (lamps, 8, 0.16),  # so are the red and blue that do not clip: they err by 0.3 px and more, and state less
+    ],
+)
+def test_coded_colour_is_measured_by_its_light(pictures, count, most_px, rng):
     errors, squared = [], []
-    for corners, picture in lamps(rng, 8):
+    for corners, picture in pictures(rng, count):
         coded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 85])[1]
         measured = found(cv2.imdecode(coded, cv2.IMREAD_COLOR), corners + 0.3)
         error_px, edge_bias = measured.corners_px[0] - corners, measured.edge_bias_px[0]
-        errors.append(
-            error_px - np.vdot(error_px, edge_bias) / np.vdot(edge_bias, edge_bias) * edge_bias
-        )  # as the pose does
+        along = np.vdot(error_px, edge_bias) / np.vdot(edge_bias, edge_bias)
+        errors.append(error_px - along * edge_bias)  # as the pose does
         squared.append(np.square(measured.whiten[0] @ errors[-1].ravel()).mean())
-    assert np.sqrt(np.mean(np.square(errors))) < 0.16
-    assert np.mean(squared) < 2.0
+    assert np.sqrt(np.mean(np.square(errors))) < most_px
+    assert np.mean(squared) < 2.0  # of what is stated; 6 by the columns of pixels alone
 
 
 @pytest.mark.parametrize("method", ["edges", "forstner"])

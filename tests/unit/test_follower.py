@@ -41,22 +41,17 @@ def sticks(truth_source, pilot=None):
     return command.pitch_percent, command.roll_percent
 
 
-def test_starboard_down_deck_asks_for_starboard_down():
-    pitch, roll = sticks(GroundTruthSource(6.0, 0.0, 0.3))
-    assert roll == pytest.approx(100.0 * 6.0 / 15.0, abs=0.5)
-    assert abs(pitch) < 1e-9
-
-
-def test_bow_up_deck_asks_for_nose_up():
-    pitch, roll = sticks(GroundTruthSource(0.0, 3.0, 0.3))
-    assert pitch == pytest.approx(-100.0 * 3.0 / 15.0, abs=0.5)
-    assert abs(roll) < 1e-9
-
-
-def test_turned_aircraft_takes_the_deck_in_its_own_axes():
-    pitch, roll = sticks(GroundTruthSource(6.0, 0.0, 0.3, heading_deg=90.0))
-    assert pitch == pytest.approx(100.0 * 6.0 / 15.0, abs=0.5)  # the low side is ahead of it
-    assert abs(roll) < 1e-9
+@pytest.mark.parametrize(
+    ("roll_deg", "pitch_deg", "heading_deg", "tilt_deg"),
+    [
+        (6.0, 0.0, 0.0, (0.0, 6.0)),  # starboard down asks for starboard down
+        (0.0, 3.0, 0.0, (-3.0, 0.0)),  # bow up for nose up
+        (6.0, 0.0, 90.0, (6.0, 0.0)),  # turned, the low side is ahead of it
+    ],
+)
+def test_the_decks_tilt_is_asked_for_in_the_aircrafts_own_axes(roll_deg, pitch_deg, heading_deg, tilt_deg):
+    asked = sticks(GroundTruthSource(roll_deg, pitch_deg, 0.3, heading_deg))
+    assert asked == pytest.approx([100.0 * each / 15.0 for each in tilt_deg], abs=0.5)
 
 
 def test_not_from_high_up_and_not_in_another_mode():

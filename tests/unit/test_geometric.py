@@ -27,7 +27,8 @@ from shipland.vision.near.planar_pose import Corners, LevelPrior, Solution, solv
 from shipland.vision.parameters import VisionParameters
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
-PLANE_M = np.ascontiguousarray(Rig().cue.points_in_bar_m[:, 1:])
+RIG, VISION = Rig(), VisionParameters()
+PLANE_M = np.ascontiguousarray(RIG.cue.points_in_bar_m[:, 1:])
 PITCH_RAD, LEVEL_RAD = 0.03, 1e-3
 
 
@@ -40,7 +41,6 @@ def true_pose(range_m, bearing_deg, yaw_deg, gimbal):
 
 
 def test_relative_pose_and_projection_are_the_frame_tables(rng):
-    target = Rig().cue
     seen = true_pose(6.0, 12.0, -15.0, GimbalAttitude(0.01, 0.05))
     bar = Pose.from_euler(rng.normal(size=3), 0.0, 0.0, 0.4)
     camera = bar @ seen
@@ -49,7 +49,7 @@ def test_relative_pose_and_projection_are_the_frame_tables(rng):
     np.testing.assert_allclose(rotation, camera_from_bar.rotation @ CAMERA_FROM_MOUNT.T, atol=1e-12)
     np.testing.assert_allclose(sight_m, camera_from_bar.translation_m, atol=1e-12)
     pixels = projected(rotation, sight_m, PLANE_M, CAMERA.matrix)
-    np.testing.assert_allclose(pixels, CAMERA.project(camera_from_bar.apply(target.points_in_bar_m)), atol=1e-9)
+    np.testing.assert_allclose(pixels, CAMERA.project(camera_from_bar.apply(RIG.cue.points_in_bar_m)), atol=1e-9)
     behind = projected(rotation, -sight_m, PLANE_M, CAMERA.matrix)
     assert np.isnan(behind).all()
 
@@ -64,16 +64,18 @@ class _Still:
         return SimpleNamespace(ned_from_camera=self._camera, ned_from_bar=Pose.from_euler(np.zeros(3), 0.0, 0.0, 0.0))
 
 
+def eyes_on(world, **changes):
+    parameters = replace(GeometricParameters(), **changes)
+    return GeometricVision(world, RIG.cue, CAMERA, parameters, VISION, np.random.default_rng(1))
+
+
 @pytest.mark.parametrize(("off_deg", "seen"), [(0.0, True), (45.0, True), (55.0, False), (80.0, False), (180.0, False)])
 def test_the_cue_is_seen_as_obliquely_as_near_vision_sees_it_and_never_from_behind(off_deg, seen):
-    rig, vision = Rig(), VisionParameters()
     off_rad, gimbal = math.radians(off_deg), GimbalAttitude(0.0, 0.0)
     place_m = np.array([-6.0 * math.cos(off_rad), 6.0 * math.sin(off_rad), 0.0])
     facing = Pose.from_euler(place_m, 0.0, 0.0, -off_rad)
     world = _Still(camera_pose(facing, -off_rad, gimbal, np.zeros(3)))
-    parameters = GeometricParameters()
-    eyes = GeometricVision(world, rig.cue, CAMERA, parameters, vision, np.random.default_rng(1))
-    observation = eyes.see(Frame(0.0, np.zeros((1, 1, 3), np.uint8), gimbal))
+    observation = eyes_on(world).see(Frame(0.0, np.zeros((1, 1, 3), np.uint8), gimbal))
     assert (observation.bar_pose is not None) == seen
     assert seen or observation.reason == Refusal.OUT_OF_REACH.value
 
@@ -82,12 +84,10 @@ def test_the_cue_is_seen_as_obliquely_as_near_vision_sees_it_and_never_from_behi
 @pytest.mark.parametrize(("pitch_deg", "roll_deg"), [(1, 0), (3, 0), (10, 0), (25, 0), (0, 3), (0, 10)])
 def test_a_wrong_gimbal_reading_moves_the_pose_as_it_moves_the_solvers(range_m, pitch_deg, roll_deg):
     """The very same corners: both take the reading in, or both see that it contradicts the corners."""
-    rig, vision = Rig(), VisionParameters()
     parameters = GeometricParameters()
     seen = true_pose(range_m, 10.0, -8.0, GimbalAttitude(0.0, PITCH_RAD))
     reading = GimbalAttitude(math.radians(roll_deg), PITCH_RAD + math.radians(pitch_deg))
-    eyes = GeometricVision(_Still(seen), rig.cue, CAMERA, parameters, vision, np.random.default_rng(1))
-    observation = eyes.see(Frame(0.0, None, reading))
+    observation = eyes_on(_Still(seen)).see(Frame(0.0, None, reading))
     pose = observation.bar_pose
     if pose is None:
         assert observation.reason.startswith((Refusal.GIMBAL_OFF.value, Refusal.REPROJECTION.value))
@@ -97,7 +97,7 @@ def test_a_wrong_gimbal_reading_moves_the_pose_as_it_moves_the_solvers(range_m, 
     corners_px = pose.corners_px.reshape(-1, 4, 2)
     corners = Corners(corners_px, np.tile(np.eye(8) / sigma_px, (2, 1, 1)), PLANE_M.reshape(-1, 4, 2))
     solved = bar_pose_of(
-        solve(corners, CAMERA, LevelPrior(_down_in_camera(reading), vision.gimbal_noise_rad)), corners_px
+        solve(corners, CAMERA, LevelPrior(_down_in_camera(reading), VISION.gimbal_noise_rad)), corners_px
     )
     # Of errors of metres; where both iterate, each stops near the minimum.
     np.testing.assert_allclose(pose.position_in_bar_m, solved.position_in_bar_m, atol=0.02)
@@ -109,10 +109,9 @@ def test_a_wrong_gimbal_reading_moves_the_pose_as_it_moves_the_solvers(range_m, 
 
 
 def test_a_pose_that_leaps_in_height_is_refused_as_near_vision_refuses_it():
-    rig, vision = Rig(), VisionParameters()
-    parameters, gimbal = GeometricParameters(), GimbalAttitude(0.0, 0.0)
+    gimbal = GimbalAttitude(0.0, 0.0)
     world = _Still(true_pose(6.0, 0.0, 0.0, gimbal))
-    eyes = GeometricVision(world, rig.cue, CAMERA, parameters, vision, np.random.default_rng(1))
+    eyes = eyes_on(world)
     assert eyes.see(Frame(0.0, None, gimbal)).bar_pose is not None
     world._camera = true_pose(6.0, 0.0, 0.0, gimbal)
     world._camera.translation_m[2] -= 1.0
@@ -134,9 +133,7 @@ def test_a_pose_that_leaps_in_height_is_refused_as_near_vision_refuses_it():
 def test_a_gimbal_that_contradicts_the_corners_is_refused_as_near_vision_refuses_it(range_m, off_deg, reason):
     gimbal = GimbalAttitude(0.0, PITCH_RAD)
     world = _Still(true_pose(range_m, 0.0, 0.0, gimbal))
-    parameters = replace(GeometricParameters(), miss_rate=0.0)
-    near = VisionParameters()
-    eyes = GeometricVision(world, Rig().cue, CAMERA, parameters, near, np.random.default_rng(1))
+    eyes = eyes_on(world, miss_rate=0.0)
     told = GimbalAttitude(0.0, PITCH_RAD + math.radians(off_deg))
     seen = [eyes.see(Frame(0.0, None, told)) for _ in range(50)]
     assert {it.bar_pose is None for it in seen} == {reason != ""}

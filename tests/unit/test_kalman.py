@@ -1,4 +1,4 @@
-"""The one-state Kalman filter: erratum 1's reading against its theory, and the printed equations against the page."""
+"""The one-state Kalman filter: erratum 1's reading against its theory."""
 
 import math
 
@@ -71,39 +71,3 @@ def test_not_finite_measurements_change_nothing():
 def test_noises_must_make_sense(process, measurement):
     with pytest.raises(ValueError, match="noise"):
         ScalarKalman(process, measurement)
-
-
-def printed_kalman_step(
-    estimate: float, measurement: float, process_noise: float, measurement_noise: float
-) -> tuple[float, float]:
-    """The equations as printed [Lee2022, §Pose Estimation]; not a Kalman filter (erratum 1).
-
-    PrE = PE + QN; KG = PrE / (PrE + RN); CE = PE + KG · CM. The measurement is added instead of the innovation,
-    so the estimate grows without bound.
-
-    Args:
-        estimate: PE, the previous estimate.
-        measurement: CM.
-        process_noise: RN, 0.005 in the paper, which calls it the process noise.
-        measurement_noise: QN, 0.05.
-
-    Returns:
-        CE, the new estimate, and KG, the gain.
-    """
-    predicted = estimate + measurement_noise
-    gain = predicted / (predicted + process_noise)
-    return estimate + gain * measurement, gain
-
-
-def test_printed_step_by_hand():
-    # PrE = 1 + 0.05, KG = 1.05 / (1.05 + 0.005), CE = 1 + KG · 2
-    estimate, gain = printed_kalman_step(1.0, 2.0, 0.005, 0.05)
-    assert gain == pytest.approx(1.05 / 1.055, abs=1e-12)
-    assert estimate == pytest.approx(1.0 + 2.0 * 1.05 / 1.055, abs=1e-12)
-
-
-def test_printed_equations_run_away_from_a_constant():
-    estimate = 0.0
-    for _ in range(50):
-        estimate, _ = printed_kalman_step(estimate, 1.0, 0.005, 0.05)
-    assert estimate > 45.0  # adds the measurement every step: no filter

@@ -68,12 +68,6 @@ def test_it_is_held_until_its_rotors_carry_it() -> None:
     assert step.force_in_body_mps2[2] < -9.81
 
 
-def signals(thrusts: np.ndarray) -> list[float]:
-    """Pulses whose steady thrusts are these shares."""
-    grid = np.linspace(1000.0, 2000.0, 1001)
-    return [float(grid[np.searchsorted([thrust_share(pulse) for pulse in grid], share)]) for share in thrusts]
-
-
 def test_an_autopilot_that_knows_only_the_interface_flies_it() -> None:
     """Rates and attitude held, and a turn of 30°, by a controller that numbers its motors as ArduPilot does."""
     held = LaunchHold(load_scenario("rig-natops", wind={"mean_mps": 2.0}), 3, 0.0)

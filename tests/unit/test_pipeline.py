@@ -228,10 +228,6 @@ def test_a_bar_of_other_dimensions_is_not_the_bar(other, rng):
         assert observation.reason in REASONS
 
 
-def shifted(pose, right_m):
-    return pose @ Pose(np.eye(3), np.array([0.0, right_m, 0.0]))
-
-
 def two_bars(rng, pose, others):
     canvas = plain_canvas(SMALL)
     for other in (pose, *others):

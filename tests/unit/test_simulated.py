@@ -164,12 +164,8 @@ def test_flight_ends_with_the_verdict(camera: Camera) -> None:
     verdict = flown.verdict()
     assert verdict is not None
     assert verdict.landed
-    assert not pair_flying(flown)
+    assert not flown.world.motors_run
     assert flown.read() is None
-
-
-def pair_flying(flown: SimulatedVehicle) -> bool:
-    return flown.world.motors_run
 
 
 def test_commands_from_the_past_and_without_a_time_do_no_harm(camera: Camera) -> None:
