@@ -36,6 +36,9 @@ GRID = EnvelopeGrid((10.0, 20.0, 30.0), (0.0, 90.0), runs=4, most=16)
 BAD = replace(GOOD, landed=False, in_square=False, cause="hard", reason="touched down too hard", sink_mps=3.0)
 
 
+DECK = deck_statistics(load_scenario("rig-natops"))
+
+
 def base(name="rig-natops", **sections):
     (cell,) = bases_of(SuiteEntry((load_scenario(name, **sections),)), Overrides(("horizon",)))
     return cell
@@ -54,6 +57,7 @@ def flown(monkeypatch):
         return seeded(GOOD if good else NOWHERE, flight.seed)
 
     monkeypatch.setattr(job, "land_once", land)
+    monkeypatch.setattr("shipland.envelopes.deck_statistics", lambda _: DECK)
     return seen
 
 
@@ -174,7 +178,7 @@ def test_several_envelopes_share_a_picture(flown, unarranged, tmp_path):
     assert "| 000 | more than 10.0 | more than 5.1 |" in text
 
 
-def test_the_study_flies_a_direction_and_draws_both(flown, tmp_path, monkeypatch):
+def test_the_study_flies_a_direction_and_draws_both(flown, unarranged, tmp_path, monkeypatch):
     monkeypatch.setattr("studies.envelope.PARTS", tmp_path)
     study = harness.load("envelope")
     row = study.measure(study.cases()[3], 2)
@@ -186,9 +190,8 @@ def test_the_study_flies_a_direction_and_draws_both(flown, tmp_path, monkeypatch
 
 
 def test_deck_amplitudes_are_those_of_its_sines():
-    found = deck_statistics(load_scenario("rig-natops"))
-    assert found["roll_deg"] == pytest.approx(8.0 * math.sqrt(2.0), rel=0.01)
-    assert found["pitch_deg"] == pytest.approx(3.0 * math.sqrt(2.0), rel=0.01)
+    assert DECK["roll_deg"] == pytest.approx(8.0 * math.sqrt(2.0), rel=0.01)
+    assert DECK["pitch_deg"] == pytest.approx(3.0 * math.sqrt(2.0), rel=0.01)
 
 
 @pytest.mark.parametrize(

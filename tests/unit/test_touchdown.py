@@ -81,7 +81,7 @@ def packaged_ship(rig: Rig, **change: object) -> Ship:
 @pytest.mark.parametrize(
     ("ship", "seconds"),
     [
-        (lambda rig: packaged_ship(rig, motion="natops", course={"kind": "s", "speed_mps": 4.5, "start_s": 2.0}), 60.0),
+        (lambda rig: packaged_ship(rig, motion="natops", course={"kind": "s", "speed_mps": 4.5, "start_s": 2.0}), 30.0),
         (lambda rig: Ship(rig, CircleCourse(2.0, -0.2), six_sinusoids()), 20.0),
         (lambda rig: Ship(rig, StraightCourse(0.7, 4.5), natops(), full_ship=True), 20.0),
         (lambda rig: packaged_ship(rig, motion="sea"), 20.0),
