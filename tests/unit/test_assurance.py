@@ -146,17 +146,7 @@ def test_who_flies_at_the_bar_is_braked_ahead_of_it_and_brought_back(response, w
     assert "ahead of the bar" in flight.said
 
 
-def test_a_flow_that_begins_to_lie_breaks_the_landing_off_in_words():
-    def lie(telemetry):
-        off = np.array([0.0, 2.5, 0.0]) if telemetry.t_s > 104.0 else np.zeros(3)
-        return replace(telemetry, velocity_in_level_mps=telemetry.velocity_in_level_mps + off)
-
-    flight = Flight(over_deck(1.2), tell=lie).fly(3.5, {}).fly(2.5, {**LANDING, "heave_percent": -5.0})
-    assert "the vehicle's velocity and the poses differ by" in flight.said
-    assert flight.decisions[-1].command.intent is Intent.GO_AROUND
-
-
-def test_a_flow_that_lied_is_no_news_once_the_bar_is_out_of_sight():
+def test_a_flow_that_begins_to_lie_breaks_a_landing_off_and_is_no_news_once_the_bar_is_out_of_sight():
     """A recovery is over when nothing is found any more; what poses contradicted can only be found with poses."""
 
     def lie(telemetry):
@@ -164,6 +154,8 @@ def test_a_flow_that_lied_is_no_news_once_the_bar_is_out_of_sight():
         return replace(telemetry, velocity_in_level_mps=telemetry.velocity_in_level_mps + off)
 
     flight = Flight(over_deck(1.2), tell=lie).fly(3.5, {}).fly(2.5, {**LANDING, "heave_percent": -5.0})
+    assert "the vehicle's velocity and the poses differ by" in flight.said
+    assert flight.decisions[-1].command.intent is Intent.GO_AROUND
     flight.seen = False
     flight.fly(40.0, {})
     assert "refused" not in flight.said
@@ -379,7 +371,8 @@ def test_the_place_is_carried_on_from_the_exposure_to_now():
 def test_the_ladder_is_climbed_one_way_and_ends(rung, tries, calm):
     """From every rung: the pilot's again, the same, or the next one; a final one stays."""
     flight = Flight(over_deck(5.0, -6.0)).fly(1.0, {})
-    look = flight.safety._look(PilotCommand.hold(flight.t_s, 0.0), flight_telemetry(flight))
+    telemetry = Telemetry(flight.t_s, 0.0, 0.0, 0.0, 5.0, np.zeros(3), 80.0, 90.0, True)
+    look = flight.safety._look(PilotCommand.hold(flight.t_s, 0.0), telemetry)
     before = Switch(Recovery(rung, flight.t_s - 100.0, "why"), tries, -math.inf if calm else flight.t_s)
     after = next_switch(before, look, [], RECOVERY)
     ladder = [*RECOVERY.ladder, *RECOVERY.ladder[-1:]]
@@ -393,10 +386,6 @@ def test_the_ladder_is_climbed_one_way_and_ends(rung, tries, calm):
         assert after.recovery.rung is ladder[ladder.index(rung) + 1]
     final = Switch(Recovery(rung, 0.0, "why", final=True), tries)
     assert next_switch(final, look, [], RECOVERY).recovery == final.recovery
-
-
-def flight_telemetry(flight):
-    return Telemetry(flight.t_s, 0.0, 0.0, 0.0, 5.0, np.zeros(3), 80.0, 90.0, True)
 
 
 def test_stopping_distance_by_hand():

@@ -32,21 +32,18 @@ class TestProjection:
         # 640 / tan 34.5° = 931.2 px: the picture's half width is seen under half of 69°.
         assert camera.focal_px == pytest.approx(931.2, abs=0.05)
 
-    def test_pixel_by_hand(self):
+    @pytest.mark.parametrize(
+        ("point_m", "k1", "pixel"),
+        [
+            ([1.0, 0.5, 4.0], 0.0, [124.5, 62.0]),  # 100·1/4 right and 100·0.5/4 down of the principal point
+            ([1.0, 0.0, 1.0], 0.0, [199.5, 49.5]),  # the picture's edge: half a pixel beyond the last pixel's centre
+            ([1.0, 0.0, 2.0], -0.4, [99.5 + 45.0, 49.5]),  # x = 0.5, r² = 0.25: x·(1 + k1·r²) = 0.45
+        ],
+    )
+    def test_pixels_by_hand(self, point_m, k1, pixel):
         # f = 100 px at 90° over 200 px; the principal point is between the middle pixels: (99.5, 49.5).
-        # (1 right, 0.5 down, 4 ahead) → 100·1/4 right and 100·0.5/4 down of it.
-        camera = Camera.from_fov(200, 100, 90.0)
-        np.testing.assert_allclose(camera.project(np.array([1.0, 0.5, 4.0])), [[124.5, 62.0]], atol=1e-9)
-
-    def test_edge_of_the_picture_is_half_a_pixel_beyond_the_last_pixels_centre(self):
-        camera = Camera.from_fov(200, 100, 90.0)
-        np.testing.assert_allclose(camera.project(np.array([1.0, 0.0, 1.0]))[0, 0], 199.5, atol=1e-9)
-
-    def test_radial_distortion_by_hand(self):
-        # x = 0.5, y = 0: r² = 0.25, so x·(1 + k1·r²) = 0.5·(1 - 0.4·0.25) = 0.45.
-        matrix = Camera.from_fov(200, 100, 90.0).matrix
-        camera = Camera(200, 100, matrix, np.array([-0.4, 0.0, 0.0, 0.0]))
-        np.testing.assert_allclose(camera.project(np.array([1.0, 0.0, 2.0])), [[99.5 + 45.0, 49.5]], atol=1e-9)
+        camera = Camera(200, 100, Camera.from_fov(200, 100, 90.0).matrix, np.array([k1, 0.0, 0.0, 0.0]))
+        np.testing.assert_allclose(camera.project(np.array(point_m)), [pixel], atol=1e-9)
 
     @given(columns, rows, st.floats(0.01, 1000.0))
     def test_back_projection_then_projection_gives_the_pixel_again(self, distorted, column_px, row_px, distance_m):
@@ -87,20 +84,12 @@ class TestGimbal:
     def pixel_of_level_direction(camera, gimbal, direction_in_level):
         return camera.project(level_from_camera(gimbal).T @ np.asarray(direction_in_level, dtype=float))[0]
 
-    def test_level_gimbal_puts_the_horizon_ahead_in_the_middle(self, camera):
-        np.testing.assert_allclose(
-            self.pixel_of_level_direction(camera, GimbalAttitude(0.0, 0.0), [1.0, 0.0, 0.0]), [639.5, 359.5], atol=1e-6
-        )
-
     @given(st.floats(-0.3, 0.3))
-    def test_looking_up_moves_the_horizon_down_by_f_tan_pitch(self, camera, pitch_rad):
-        column_px, row_px = self.pixel_of_level_direction(camera, GimbalAttitude(0.0, pitch_rad), [1.0, 0.0, 0.0])
-        assert column_px == pytest.approx(639.5, abs=1e-6)
-        assert row_px == pytest.approx(359.5 + camera.focal_px * np.tan(pitch_rad), abs=1e-6)
-
-    def test_turning_right_moves_what_is_ahead_to_the_left(self, camera):
-        column_px, _ = self.pixel_of_level_direction(camera, GimbalAttitude(0.0, 0.0, 0.1), [1.0, 0.0, 0.0])
-        assert column_px == pytest.approx(639.5 - camera.focal_px * np.tan(0.1), abs=1e-6)
+    def test_looking_up_or_right_moves_what_is_ahead_down_or_left_by_f_tan_of_the_angle(self, camera, angle_rad):
+        off_px = camera.focal_px * np.tan(angle_rad)
+        up, right = GimbalAttitude(0.0, angle_rad), GimbalAttitude(0.0, 0.0, angle_rad)
+        for gimbal, pixel in ((up, (639.5, 359.5 + off_px)), (right, (639.5 - off_px, 359.5))):
+            assert self.pixel_of_level_direction(camera, gimbal, [1.0, 0.0, 0.0]) == pytest.approx(pixel, abs=1e-6)
 
     def test_rolling_right_lets_the_horizon_on_the_right_rise(self, camera):
         # The right wing goes down: what is level and to the right moves up in the picture (a smaller row).
@@ -123,11 +112,6 @@ class TestCalibrationFiles:
         assert (read.width_px, read.height_px) == (1280, 720)
         np.testing.assert_array_equal(read.matrix, distorted.matrix)  # OpenCV writes all 17 digits
         np.testing.assert_array_equal(read.distortion, distorted.distortion)
-
-    def test_without_distortion_coefficients_there_is_no_distortion(self, tmp_path):
-        path = tmp_path / "camera.yaml"
-        path.write_text(calibration(distortion=""))
-        assert not Camera.from_opencv_yaml(path).has_distortion
 
     def test_a_folder_that_is_not_there_is_refused_when_writing(self, camera, tmp_path):
         with pytest.raises(DataError, match="its folder does not exist"):
@@ -221,10 +205,12 @@ class TestBadCalibrationFiles:
         with pytest.raises(DataError, match="does not exist"):
             Camera.from_opencv_yaml(tmp_path / name)
 
-    def test_the_file_these_are_made_from_is_good(self, tmp_path):
+    @pytest.mark.parametrize("text", [calibration(), calibration(distortion="")])
+    def test_the_file_these_are_made_from_is_good_also_without_distortion(self, tmp_path, text):
         path = tmp_path / "camera.yaml"
-        path.write_text(calibration())
-        assert Camera.from_opencv_yaml(path).focal_px == 600.0
+        path.write_text(text)
+        read = Camera.from_opencv_yaml(path)
+        assert (read.focal_px, read.has_distortion) == (600.0, False)
 
 
 class TestDigest:

@@ -240,18 +240,12 @@ NOTHING = (lambda *_: None,) * 2
 """To keep and to lose nothing by."""
 
 
-def test_workers_do_every_job_once():
-    kept = {}
-    done = dict(run_jobs(square, range(7), 2, kept.__setitem__, print))
-    assert done == kept == {number: number * number for number in range(7)}
-
-
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_job_that_fails_costs_itself_only(workers):
-    lost = {}
+def test_every_job_is_done_once_and_one_that_fails_costs_itself_only(workers):
+    kept, lost = {}, {}
     numbers = [number for number in range(7) if workers > 1 or number != 2]  # with one worker the jobs run here
-    done = dict(run_jobs(die_at_two, numbers, workers, lambda *_: None, lost.__setitem__))
-    assert sorted(done) == [0, 1, 3, 5, 6]
+    done = dict(run_jobs(die_at_two, numbers, workers, kept.__setitem__, lost.__setitem__))
+    assert done == kept == {number: number for number in (0, 1, 3, 5, 6)}
     assert lost[4] == "ValueError: four"
     assert workers == 1 or "exit code 3" in lost[2]
 

@@ -77,13 +77,6 @@ def test_natops_reaches_its_limits_at_its_periods() -> None:
     np.testing.assert_allclose(natops.at(3.0 + 6.5).displacement[4], natops.at(3.0).displacement[4], atol=1e-12)
 
 
-def test_phases_come_from_the_generator() -> None:
-    parameters = ShipParameters().natops
-    one, same, other = (parameters.motion(np.random.default_rng(seed)).at(1.0).displacement for seed in (3, 3, 4))
-    np.testing.assert_array_equal(one, same)
-    assert np.abs(one - other).max() > 1e-3
-
-
 def test_the_motion_base_holds_its_limits_smoothly() -> None:
     limit = rig_limits(Rig())
     asked = Sinusoids(1.6 * limit, [7.0, 8.0, 9.0, 10.0, 6.0, 5.0], np.arange(6))

@@ -82,10 +82,12 @@ def test_a_picture_from_the_past_or_astray_changes_nothing():
     estimate = late.estimate
     assert not late.update_pose(0.5, np.zeros(2), 1e-4 * np.eye(2), inputs)
     assert late.estimate is estimate
-    assert not late.update_pose(1.1, np.array([math.nan, 0.0]), 1e-4 * np.eye(2), inputs)
-    assert not late.update_pose(1.2, np.array([9.0, 0.0]), 1e-4 * np.eye(2), inputs)
-    assert late.refused == 2
-    assert np.isfinite(late.estimate.mean).all()
+    before = late.predict(1.2, inputs)
+    for t_s, forward_m in ((1.1, math.nan), (1.1, math.inf), (1.2, 9.0)):
+        assert not late.update_pose(t_s, np.array([forward_m, 0.0]), 1e-4 * np.eye(2), inputs)
+    assert late.refused == 3
+    np.testing.assert_allclose(late.predict(1.2, inputs).mean, before.mean, atol=1e-12)
+    np.testing.assert_allclose(late.predict(1.2, inputs).covariance, before.covariance, atol=1e-12)
 
 
 def test_without_pictures_it_follows():

@@ -103,16 +103,11 @@ def test_near_law_by_hand():
     assert memory.integral == pytest.approx(0.47 * 0.03)
 
 
-def test_repeated_frame_adds_nothing():
-    _, memory = near_law(0.5, 1.0, NearMemory(), NEAR_ROLL, "probabilistic")
-    terms, again = near_law(0.5, 1.0, memory, NEAR_ROLL, "probabilistic")
+@pytest.mark.parametrize(("error_m", "again_s"), [(0.5, 1.0), (5.0, 2.0)], ids=["repeated frame", "beyond the band"])
+def test_what_adds_nothing_to_the_integral(error_m, again_s):
+    _, memory = near_law(error_m, 1.0, NearMemory(), NEAR_ROLL, "probabilistic")
+    terms, memory = near_law(error_m, again_s, memory, NEAR_ROLL, "probabilistic")
     assert terms.derivative == 0.0
-    assert again.integral == 0.0
-
-
-def test_integral_waits_outside_its_band():
-    _, memory = near_law(5.0, 1.0, NearMemory(), NEAR_ROLL, "probabilistic")
-    _, memory = near_law(5.0, 2.0, memory, NEAR_ROLL, "probabilistic")
     assert memory.integral == 0.0
 
 

@@ -236,6 +236,7 @@ def test_how_a_picture_lies_in_memory_does_not_matter(name):
     image = PICTURES[name](b"")
     told = NearVision(BAR, TINY, PARAMETERS).see(Frame(0.0, image, NO_GIMBAL)).bar_pose
     assert np.array_equal(told.corners_px, wanted.corners_px)
+    assert np.array_equal(told.covariance, wanted.covariance)
 
 
 def test_20_megapixels():

@@ -32,18 +32,12 @@ def test_a_long_beam_wave_rolls_the_ship_with_its_slope() -> None:
     assert abs(motion[3]) / (LONGEST**2 / GRAVITY_MPS2) == pytest.approx(1.03, abs=0.08)
 
 
-def test_pitch_sign_in_a_long_head_wave() -> None:
-    # a quarter period before the crest arrives, the surface rises towards the bow: bow up, positive pitch.
-    # Head waves run aft; the crest is at the origin at t = 0, so before that it is ahead.
-    motion = response(0.0, 180.0, LONGEST)
-    quarter_before = motion[4] * np.exp(-0.5j * np.pi)
-    assert quarter_before.real > 0.9 * abs(motion[4])
-
-
-def test_roll_sign_with_waves_from_starboard() -> None:
-    # a quarter period before the crest arrives from starboard, starboard is up: roll (starboard down positive) negative
-    motion = response(0.0, 90.0, LONGEST)
-    assert (motion[3] * np.exp(-0.5j * np.pi)).real < -0.9 * abs(motion[3])
+@pytest.mark.parametrize(("heading_deg", "axis", "sign"), [(180.0, 4, 1.0), (90.0, 3, -1.0)], ids=["pitch", "roll"])
+def test_signs_in_long_waves(heading_deg: float, axis: int, sign: float) -> None:
+    # A quarter period before the crest arrives (at the origin at t = 0), the surface rises towards it: the bow is up in
+    # head waves, which run aft (positive pitch), starboard in waves from there (negative roll).
+    motion = response(0.0, heading_deg, LONGEST)[axis]
+    assert sign * (motion * np.exp(-0.5j * np.pi)).real > 0.9 * abs(motion)
 
 
 def test_natural_periods_are_those_of_the_design() -> None:

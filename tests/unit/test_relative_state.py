@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from shipland.estimation.delayed import DelayedFilter, DelayedParameters, Inputs
 from shipland.estimation.relative_state import (
     ACTUATION,
     POSITION,
@@ -141,18 +140,6 @@ def test_an_autopilot_on_optical_flow_is_carried_along_by_the_ship():
     told = Model(1, servo, NOISE, SWING_OF_SHIP).velocity(own, 1.0, 0.3)[0][0]
     assert told < -0.1  # the ship below goes ahead, and the flow reads as flying back
     assert (a @ state)[ACTUATION] == pytest.approx(-2.0 / 0.15 * told)
-
-
-def test_what_is_not_finite_or_an_outlier_is_rejected():
-    late = DelayedFilter(
-        Model(2, TILT, NOISE, SWING_OF_SHIP), DelayedParameters(16.0, 30.0, 0.05, 0.5, 1.0, 0.0, 0.6), 0.02
-    )
-    late.start(0.0, np.zeros(2), 0.01 * np.eye(2), 0.1)
-    mean, covariance = late.estimate.mean.copy(), late.estimate.covariance.copy()
-    for measured in (np.array([math.nan, 0.0]), np.array([math.inf, 0.0]), np.array([50.0, 0.0])):
-        assert not late.update_pose(0.0, measured, 1e-4 * np.eye(2), Inputs(2))
-        assert np.array_equal(late.estimate.mean, mean)
-        assert np.array_equal(late.estimate.covariance, covariance)
 
 
 def test_a_steady_push_is_learned():

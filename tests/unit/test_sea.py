@@ -130,26 +130,13 @@ def test_the_deck_moves_at_the_frequencies_of_encounter() -> None:
     assert np.average(motion.frequency_rad_s / 2.0 / waves.omega_rad_s, weights=waves.amplitude_m**2) > 1.05
 
 
-def test_froude_scaling_keeps_shape_and_gravity() -> None:
-    full = deck_motion(SEA, np.random.default_rng(8), 1.0, 1.0)
-    model = deck_motion(SEA, np.random.default_rng(8), 9.0, 3.0)
-    at_sea, on_rig = full.at(30.0), model.at(10.0)
-    np.testing.assert_allclose(on_rig.displacement[:3], at_sea.displacement[:3] / 9.0, atol=1e-12)
-    np.testing.assert_allclose(on_rig.displacement[3:], at_sea.displacement[3:], atol=1e-12)
-    np.testing.assert_allclose(on_rig.acceleration[:3], at_sea.acceleration[:3], atol=1e-12)
-
-
-def test_length_only_scaling_keeps_time() -> None:
-    full = deck_motion(SEA, np.random.default_rng(8), 1.0, 1.0).at(17.0)
-    model = deck_motion(SEA, np.random.default_rng(8), 9.0, 1.0).at(17.0)
-    np.testing.assert_allclose(model.velocity[:3], full.velocity[:3] / 9.0, atol=1e-12)
-    np.testing.assert_allclose(model.velocity[3:], full.velocity[3:], atol=1e-12)
-
-
-def test_same_seed_same_sea_and_other_seed_another() -> None:
-    one, same, other = (deck_motion(SEA, np.random.default_rng(seed), 8.33, 1.0).at(5.0) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(one.displacement, same.displacement)
-    assert np.abs(one.displacement - other.displacement).max() > 1e-3
+@pytest.mark.parametrize("time_scale", [3.0, 1.0], ids=["froude", "length only"])
+def test_a_model_is_smaller_and_quicker_and_turns_by_the_same_angles(time_scale: float) -> None:
+    full, model = (deck_motion(SEA, np.random.default_rng(8), *scales) for scales in ((1.0, 1.0), (9.0, time_scale)))
+    at_sea, on_rig = full.at(30.0), model.at(30.0 / time_scale)
+    for name, quickness in (("displacement", 1.0), ("velocity", time_scale), ("acceleration", time_scale**2)):
+        wanted = getattr(at_sea, name) * quickness
+        np.testing.assert_allclose(getattr(on_rig, name), [*wanted[:3] / 9.0, *wanted[3:]], atol=1e-12)
 
 
 def test_the_ladder_rises_and_each_rung_is_within_its_range() -> None:

@@ -71,8 +71,10 @@ def test_in_full_ship_mode_the_bar_rides_with_the_hull_and_stays_level() -> None
 
 
 @pytest.mark.parametrize("motion", ["still", "natops", "sinusoids", "sea"])
-def test_same_seed_same_ship(motion: str) -> None:
-    one, same = (build_ship(parameters(motion=motion), RIG, np.random.default_rng(5)) for _ in range(2))
+def test_same_seed_same_ship_and_other_seed_another(motion: str) -> None:
+    one, same, other = (build_ship(parameters(motion=motion), RIG, np.random.default_rng(seed)) for seed in (5, 5, 6))
+    apart = np.abs(one.at(3.3).deck.displacement - other.at(3.3).deck.displacement).max()
+    assert (apart > 1e-3) == (motion != "still")
     for t_s in (0.0, 3.3, 40.0):
         np.testing.assert_array_equal(one.at(t_s).deck.displacement, same.at(t_s).deck.displacement)
         np.testing.assert_array_equal(one.at(t_s).ned_from_bar.matrix(), same.at(t_s).ned_from_bar.matrix())

@@ -18,7 +18,7 @@ def rows_below(text, link):
 
 def landed():
     """(scenario, stick, pilot) → flights in the square."""
-    rows = json.loads((RESULTS / "landings.json").read_text(encoding="utf-8"))["rows"]
+    rows = rows_of("landings")
     return {(r["scenario"], r["stick"], r["pilot"]): round(r["square"] * r["flights"]) for r in rows}
 
 
@@ -40,8 +40,7 @@ def test_sums_of_landings():
 
 
 def test_oracle_rates_lie_within_the_measured_interval():
-    rows = json.loads((RESULTS / "oracle_rates.json").read_text(encoding="utf-8"))["rows"]
-    measured = {row["setting"]: row["oracle_rate"] for row in rows if row["group"] == "scenarios"}
+    measured = {row["setting"]: row["oracle_rate"] for row in rows_of("oracle_rates", group="scenarios")}
     for name, row in zip(SCENARIOS, table_of("landings"), strict=True):
         rate = measured[name]
         assert 100 * rate["low"] - 0.05 <= number(row[1]) <= 100 * rate["high"] + 0.05, name
