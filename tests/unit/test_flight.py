@@ -5,6 +5,7 @@ import logging
 import math
 import signal
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -72,6 +73,22 @@ class Dark(Recorded):
         return None, telemetry
 
 
+class Handed(Recorded):
+    """Somebody else takes it after two cycles."""
+
+    @property
+    def in_command(self):
+        return "shipland" if len(self.commands) < 2 else "the pilot: LOITER"
+
+
+class Leaping(Recorded):
+    """Its clock is wrong by a million seconds in the first frames."""
+
+    def read(self):
+        frame, telemetry = super().read()
+        return frame, replace(telemetry, t_s=telemetry.t_s + 1e6) if frame.t_s < 0.1 else telemetry
+
+
 class VisionSelector:
     def see(self, frame):
         return Observation(frame.t_s, frame.gimbal, reason="dark")
@@ -94,9 +111,20 @@ def autonomy(**changes):
     return replace(Autonomy(VisionSelector(), Wild(), safety, delays), **changes)
 
 
+def piloted(decide):
+    """A pilot that decides so from what is seen and told."""
+    return SimpleNamespace(decide=lambda observation, telemetry, sent: decide(telemetry))
+
+
+def flown(vehicle, limit_s=10.0, **changes):
+    """The result and the rows of a flight."""
+    rows = []
+    return fly(vehicle, autonomy(**changes), limit_s, lambda: 0.0, rows.append), rows
+
+
 def test_every_frame_is_seen_decided_bounded_sent_and_logged():
-    vehicle, rows = Recorded(5), []
-    result = fly(vehicle, autonomy(), 10.0, itertools.count().__next__, rows.append)
+    vehicle = Recorded(5)
+    result, rows = flown(vehicle)
     assert result.cycles == len(rows) == len(vehicle.commands) == 5
     assert result.reason == "the flight is over"
     assert all(command.pitch_percent <= 100.0 for command in vehicle.commands)
@@ -112,14 +140,12 @@ def test_every_frame_is_seen_decided_bounded_sent_and_logged():
 def test_a_person_s_key_is_flown_whatever_becomes_of_the_pilot(override, intent, heave_percent, gimbal_rad):
     """The pilot raises, or its camera's pitch is no number."""
 
-    class Lost:
-        def decide(self, observation, telemetry, sent):
-            if gimbal_rad is None:
-                raise RuntimeError("no idea")
-            return Decision(PilotCommand(telemetry.t_s, 50.0, 0.0, 0.0, 0.0, gimbal_rad), None, "")
+    def lost(telemetry):
+        if gimbal_rad is None:
+            raise RuntimeError("no idea")
+        return Decision(PilotCommand(telemetry.t_s, 50.0, 0.0, 0.0, 0.0, gimbal_rad), None, "")
 
-    rows = []
-    fly(Recorded(30), autonomy(pilot=Lost(), override=lambda: override), 10.0, lambda: 0.0, rows.append)
+    _, rows = flown(Recorded(30), pilot=piloted(lost), override=lambda: override)
     command = rows[-1].decision.command
     assert (command.intent, command.heave_percent) == (intent, heave_percent)
     assert (command.pitch_percent, command.roll_percent, command.gimbal_pitch_rad) == (0.0, 0.0, 0.0)
@@ -134,8 +160,8 @@ def test_a_safety_that_fails_itself_holds(caplog):
         def check(self, *_):
             raise ZeroDivisionError("of its own")
 
-    vehicle, rows = Recorded(3), []
-    fly(vehicle, autonomy(safety=Broken()), 10.0, lambda: 0.0, rows.append)
+    vehicle = Recorded(3)
+    _, rows = flown(vehicle, safety=Broken())
     assert [command.intent for command in vehicle.commands] == [Intent.HOLD] * 3
     assert "safety failed: ZeroDivisionError: of its own: hold" in rows[0].decision.reason
     assert "safety failed" in caplog.text
@@ -143,7 +169,7 @@ def test_a_safety_that_fails_itself_holds(caplog):
 
 def test_the_pilot_is_told_what_left_the_safety():
     vehicle, pilot = Recorded(4), Wild()
-    fly(vehicle, autonomy(pilot=pilot), 10.0, lambda: 0.0, lambda _: None)
+    flown(vehicle, pilot=pilot)
     assert pilot.sent == [None, *vehicle.commands[:-1]]
     assert all(command.pitch_percent <= 100.0 for command in pilot.sent[1:])  # it asked for 500 %
 
@@ -161,7 +187,7 @@ def test_vision_is_told_the_height_that_came_with_the_picture():
             pair = super().read()
             return None if pair is None else (pair[0], replace(pair[1], height_m=30.0 * pair[0].t_s))
 
-    fly(Climbs(3), autonomy(vision=Keeps()), 10.0, lambda: 0.0, lambda _: None)
+    flown(Climbs(3), vision=Keeps())
     assert heights_m == pytest.approx([0.0, 1.0, 2.0])
 
 
@@ -173,8 +199,7 @@ def test_a_first_pose_that_hangs_as_low_as_a_mirror_image_does_not_reach_the_pil
             hidden = 0.2 < frame.t_s < 2.0
             return Observation(frame.t_s, frame.gimbal, None if hidden else pose, reason="hidden" if hidden else "")
 
-    rows = []
-    fly(Recorded(70), autonomy(vision=Sees()), 10.0, lambda: 0.0, rows.append)
+    _, rows = flown(Recorded(70), vision=Sees())
     assert rows[0].observation.bar_pose is not None
     assert rows[-1].observation.bar_pose is None
     assert "mirror image" in rows[-1].observation.reason
@@ -192,18 +217,15 @@ def test_cycles_can_be_stepped_and_closing_them_closes_the_vehicle():
 
 
 def test_a_pilot_without_modes_flies():
-    class Plain:
-        def decide(self, observation, telemetry, sent):
-            return Decision(PilotCommand(telemetry.t_s, 10.0, 0.0, 0.0, 0.0, 0.0, Intent.HOLD), None, "steady on")
-
+    command = PilotCommand(0.0, 10.0, 0.0, 0.0, 0.0, 0.0, Intent.HOLD)
     vehicle = Recorded(3)
-    fly(vehicle, autonomy(pilot=Plain()), 10.0, lambda: 0.0, lambda _: None)
+    flown(vehicle, pilot=piloted(lambda telemetry: Decision(replace(command, t_s=telemetry.t_s), None, "steady on")))
     assert vehicle.commands[-1].pitch_percent == 10.0
 
 
 def test_the_pilot_goes_on_deciding_without_pictures():
-    vehicle, rows = Dark(8, 5000.0), []
-    fly(vehicle, autonomy(), 10.0, lambda: 0.0, rows.append)
+    vehicle = Dark(8, 5000.0)
+    _, rows = flown(vehicle)
     assert [row.observation.reason for row in rows] == ["dark"] * 3 + ["no picture"] * 5
     assert {row.frame.t_s for row in rows[3:]} == {rows[2].frame.t_s}
     assert len(vehicle.commands) == 8
@@ -212,14 +234,14 @@ def test_the_pilot_goes_on_deciding_without_pictures():
 
 def test_command_is_ready_a_processing_time_after_receipt():
     vehicle = Recorded(1)
-    fly(vehicle, autonomy(), 10.0, lambda: 0.0, lambda _: None)
+    flown(vehicle)
     assert vehicle.commands[0].t_s == pytest.approx(0.1 + 0.03)  # [delays] near_s
 
 
 @pytest.mark.parametrize("start_s", [0.0, 5000.0])
 def test_time_limit_counts_from_the_first_frame(start_s):
     vehicle = Recorded(1000, start_s)
-    result = fly(vehicle, autonomy(), 1.0, lambda: 0.0, lambda _: None)
+    result, _ = flown(vehicle, 1.0)
     assert result.reason == "time limit of 1 s"
     assert result.cycles == 28
     assert vehicle.closed
@@ -228,30 +250,15 @@ def test_time_limit_counts_from_the_first_frame(start_s):
 def test_a_landing_that_has_begun_is_not_cut_by_the_time_limit(monkeypatch):
     landing = replace(PilotCommand.hold(0.0, 0.0), heave_percent=-20.0, intent=Intent.LAND)
 
-    class Lands:
-        def decide(self, observation, telemetry, sent):
-            return Decision(replace(landing, t_s=telemetry.t_s), Mode.LAND, "")
-
-    flown = replace(autonomy(), pilot=Lands())
-    monkeypatch.setattr(flown.safety, "check", lambda decision, *_: decision)
-    result = fly(Recorded(60), flown, 1.0, lambda: 0.0, lambda _: None)
+    lands = piloted(lambda telemetry: Decision(replace(landing, t_s=telemetry.t_s), Mode.LAND, ""))
+    monkeypatch.setattr(Safety, "check", lambda _, decision, *more: decision)
+    result, _ = flown(Recorded(60), 1.0, pilot=lands)
     assert (result.cycles, result.reason) == (60, "the flight is over")
-    assert fly(Recorded(2000), flown, 1.0, lambda: 0.0, lambda _: None).t_s < 32.0
-
-
-class Leaping(Recorded):
-    """Its clock is wrong by a million seconds in the first frames."""
-
-    def read(self):
-        frame, telemetry = super().read()
-        if frame.t_s < 0.1:
-            telemetry = replace(telemetry, t_s=telemetry.t_s + 1e6)
-        return frame, telemetry
+    assert flown(Recorded(2000), 1.0, pilot=lands)[0].t_s < 32.0
 
 
 def test_time_limit_holds_though_the_clock_leaps():
-    rows = []
-    result = fly(Leaping(1000), autonomy(), 2.0, lambda: 0.0, rows.append)
+    result, rows = flown(Leaping(1000), 2.0)
     assert result.reason == "time limit of 2 s"
     assert result.cycles < 150
     steps_s = np.diff([row.telemetry.t_s for row in rows])
@@ -334,20 +341,20 @@ MALFORMED_OBSERVATIONS = {
 }
 
 
-def given(result):
-    """What a pilot's or a vision's method does that gives a result, or raises it."""
+def giving(result):
+    """A pilot and a vision that gives a result, or raises it."""
 
-    def method(self, *_):
-        if isinstance(result, Exception):
+    def method(*_):
+        if isinstance(result, BaseException):
             raise result
         return result
 
-    return method
+    return SimpleNamespace(decide=method, see=method)
 
 
-def safely_flown(autonomy):
-    vehicle, rows = Recorded(4), []
-    fly(vehicle, autonomy, 10.0, lambda: 0.0, rows.append)
+def safely_flown(**changes):
+    vehicle = Recorded(4)
+    _, rows = flown(vehicle, **changes)
     assert len(vehicle.commands) == len(rows) == 4
     assert vehicle.closed
     for command in vehicle.commands:
@@ -359,8 +366,7 @@ def safely_flown(autonomy):
 
 @pytest.mark.parametrize("name", MALFORMED_DECISIONS)
 def test_a_pilot_that_gives_no_decision_costs_its_cycle(name, caplog):
-    pilot = type("Malformed", (), {"decide": given(MALFORMED_DECISIONS[name])})()
-    rows = safely_flown(autonomy(pilot=pilot))
+    rows = safely_flown(pilot=giving(MALFORMED_DECISIONS[name]))
     if name == "a stick that is no number":  # this one the safety takes
         assert all("command not finite" in row.decision.reason for row in rows)
         return
@@ -373,8 +379,7 @@ def test_a_pilot_that_gives_no_decision_costs_its_cycle(name, caplog):
 @pytest.mark.vision_fails
 @pytest.mark.parametrize("name", MALFORMED_OBSERVATIONS)
 def test_a_vision_that_gives_no_observation_costs_its_frame(name, caplog):
-    vision = type("Malformed", (), {"see": given(MALFORMED_OBSERVATIONS[name])})()
-    rows = safely_flown(autonomy(vision=vision))
+    rows = safely_flown(vision=giving(MALFORMED_OBSERVATIONS[name]))
     assert all(row.observation.reason.startswith("vision failed: ") for row in rows)
     assert all(row.observation.bar_pose is None and row.observation.gimbal == LEVEL for row in rows)
     (record,) = [record for record in caplog.records if record.name == "shipland.vision.vision"]
@@ -382,23 +387,21 @@ def test_a_vision_that_gives_no_observation_costs_its_frame(name, caplog):
 
 
 def test_of_ever_new_errors_the_first_few_are_logged(caplog):
-    class Inventive:
-        def decide(self, observation, telemetry, sent):
-            raise type("NewError", (Exception,), {})
+    def inventive(_):
+        raise type("NewError", (Exception,), {})
 
-    fly(Recorded(60), autonomy(pilot=Inventive()), 10.0, lambda: 0.0, lambda _: None)
+    flown(Recorded(60), pilot=piloted(inventive))
     assert 1 <= len([record for record in caplog.records if record.levelno >= logging.ERROR]) <= 10
 
 
 def test_numbers_of_other_types_are_numbers_and_words_are_fit_for_a_log():
-    class Numpys:
-        def decide(self, observation, telemetry, sent):
-            command = PilotCommand(
-                telemetry.t_s, np.float32(8.0), np.int64(4), True, 0.0, np.float64(-0.2), Intent.HOLD, True
-            )
-            return Decision(command, None, "half a pair: \ud800", replace(ESTIMATE, aircraft_in_bar_m=[1, 2, 3]))
+    sticks = np.float32(8.0), np.int64(4), True, 0.0, np.float64(-0.2)
+    estimate = replace(ESTIMATE, aircraft_in_bar_m=[1, 2, 3])
 
-    row = safely_flown(autonomy(pilot=Numpys()))[-1]
+    def numpys(telemetry):
+        return Decision(PilotCommand(telemetry.t_s, *sticks, Intent.HOLD, True), None, "half a pair: \ud800", estimate)
+
+    row = safely_flown(pilot=piloted(numpys))[-1]
     command = row.decision.command
     assert (command.pitch_percent, command.roll_percent, command.heave_percent) == (8.0, 4.0, 1.0)
     assert not command.at_contact_height  # the pilot's own word for it is none
@@ -406,30 +409,18 @@ def test_numbers_of_other_types_are_numbers_and_words_are_fit_for_a_log():
     assert row.decision.reason.encode() == b"half a pair: ?"
 
 
-class Handed(Recorded):
-    """Somebody else takes it after two cycles."""
-
-    @property
-    def in_command(self):
-        return "shipland" if len(self.commands) < 2 else "the pilot: LOITER"
-
-
 def test_who_is_in_command_stands_in_the_row_in_which_that_changes():
-    rows = []
-    fly(Handed(4), autonomy(), 10.0, lambda: 0.0, rows.append)
+    _, rows = flown(Handed(4))
     told = [row.decision.reason.partition("in command: ")[2] for row in rows]
     assert told == ["shipland", "", "the pilot: LOITER", ""]
 
 
 @pytest.mark.parametrize("where", ["open", "read", "telemetry_at", "send"])
 def test_a_vehicle_that_fails_is_closed(where):
-    def fail(*_):
-        raise RuntimeError("broken")
-
     vehicle = Recorded(5)
-    setattr(vehicle, where, fail)
+    setattr(vehicle, where, giving(RuntimeError("broken")).see)
     with pytest.raises(RuntimeError, match="broken"):
-        fly(vehicle, autonomy(), 10.0, lambda: 0.0, lambda _: None)
+        flown(vehicle)
     assert vehicle.closed
 
 
@@ -437,14 +428,8 @@ def test_a_vehicle_that_fails_is_closed(where):
 @pytest.mark.parametrize("error", [SystemExit, KeyboardInterrupt, GeneratorExit])
 def test_who_ends_the_process_leaves_the_vehicle_closed(who, error):
     vehicle = Recorded(5)
-    end = type("End", (), {"decide": given(None), "see": given(None)})()
-
-    def leave(*_):
-        raise error
-
-    end.decide = end.see = leave
     with pytest.raises(error):
-        fly(vehicle, autonomy(**{who: end}), 10.0, lambda: 0.0, lambda _: None)
+        flown(vehicle, **{who: giving(error())})
     assert vehicle.closed
 
 
@@ -460,7 +445,7 @@ def test_a_second_ctrl_c_does_not_cut_the_closing_short(monkeypatch):
 
     vehicle = Slow(5)
     with pytest.raises(KeyboardInterrupt), stop_requests():
-        fly(vehicle, autonomy(), 10.0, lambda: 0.0, lambda _: None)
+        flown(vehicle)
     assert vehicle.closed
 
 

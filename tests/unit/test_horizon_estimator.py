@@ -238,26 +238,28 @@ def _boxed(estimator, from_s, to_s, bar_in_level_m, velocity_mps):
     return estimator.estimate(to_s)
 
 
+def _trailing():
+    """An estimator after 15 s astern of a ship at its own 3 m/s."""
+    estimator = _estimator()
+    _boxed(estimator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
+    return estimator
+
+
 def test_a_ship_under_way_is_no_nearer_than_its_boxes_say():
     """The aircraft trails at the ship's own 3 m/s: what it flies is no way towards the ship."""
-    estimator = _estimator()
-    estimate = _boxed(estimator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
+    estimate = _trailing().estimate(15.0)
     assert estimate.place_m == pytest.approx([-40.0, 0.0], abs=6.0)
     assert estimate.speed_mps == pytest.approx([0.0, 0.0], abs=1.0)
 
 
 def test_the_nose_follows_the_newest_box_of_a_ship_that_turns_away():
-    estimator = _estimator()
-    _boxed(estimator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
-    estimate = _boxed(estimator, 15.0, 20.0, lambda t_s: (40.0, 3.0 * (t_s - 15.0)), (3.0, 0.0))
+    estimate = _boxed(_trailing(), 15.0, 20.0, lambda t_s: (40.0, 3.0 * (t_s - 15.0)), (3.0, 0.0))
     assert estimate.to_bar_rad == pytest.approx(math.atan2(13.5, 40.0), abs=0.02)  # of the last one, at 19.5 s
 
 
 def test_a_ship_seen_again_is_where_it_is_seen():
     """After 20 s in which it went on, and the aircraft stood."""
-    estimator = _estimator()
-    _boxed(estimator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
-    estimate = _boxed(estimator, 35.0, 36.0, lambda _: (90.0, 40.0), (0.0, 0.0))
+    estimate = _boxed(_trailing(), 35.0, 36.0, lambda _: (90.0, 40.0), (0.0, 0.0))
     assert estimate.place_m == pytest.approx([-90.0, -40.0], abs=3.0)
 
 
@@ -272,9 +274,7 @@ def test_who_waits_for_corners_keeps_the_stand_off_also_from_a_ship_that_comes(a
 
 def test_a_ship_that_turns_far_away_is_followed_within_seconds():
     """It goes ahead at 3 m/s, then to starboard; the aircraft flies along with it all the time."""
-    estimator = _estimator()
-    _boxed(estimator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
-    estimate = _boxed(estimator, 15.0, 25.0, lambda _: (40.0, 0.0), (0.0, 3.0))
+    estimate = _boxed(_trailing(), 15.0, 25.0, lambda _: (40.0, 0.0), (0.0, 3.0))
     assert estimate.course_rad == pytest.approx(0.5 * math.pi, abs=0.25)
     assert estimate.speed_mps == pytest.approx([0.0, 0.0], abs=1.0)
 

@@ -54,6 +54,17 @@ def settled(aircraft_in_bar_m, yaw_rad=0.0, cycles=30, pilot=None, start_s=0.0):
     return decision
 
 
+def boxed(pilot, cycles, box_at, start=0):
+    """Decisions over cycles in which the ship's box is `box_at(t_s)`, or nothing is seen."""
+    times_s = STEP_S * np.arange(start, start + cycles)
+    seen = ((float(t_s), Observation(float(t_s), LEVEL, ship_box=box_at(t_s), reason="nothing")) for t_s in times_s)
+    return [pilot.decide(observation, telemetry(t_s), None) for t_s, observation in seen]
+
+
+def box(column_px):
+    return Box((column_px, 360.0), (20.0, 20.0), 0.9)
+
+
 @pytest.mark.parametrize(
     ("offset_m", "stick", "sign"),
     [
@@ -152,19 +163,13 @@ def test_without_data_the_sticks_decay_to_zero():
     pilot = paper_pilot()
     before = settled(HOVER_IN_BAR_M + np.array([-4.0, 0.0, 0.0]), cycles=60, pilot=pilot)
     assert before.command.pitch_percent == pytest.approx(11.25)
-    for index in range(60, 60 + 90):
-        t_s = index * STEP_S
-        decision = pilot.decide(Observation(t_s, LEVEL, reason="fog"), telemetry(t_s), None)
+    decision = boxed(pilot, 90, lambda _: None, 60)[-1]
     assert decision.mode is Mode.NO_VISION
     assert abs(decision.command.pitch_percent) < 1.0  # percent, of the 11 fed before
 
 
 def test_boxes_fly_the_far_laws():
-    pilot = paper_pilot()
-    for index in range(60):
-        t_s = index * STEP_S
-        box = Box((740.0, 360.0), (20.0, 20.0), 0.9)
-        decision = pilot.decide(Observation(t_s, LEVEL, ship_box=box), telemetry(t_s), None)
+    decision = boxed(paper_pilot(), 60, lambda _: box(740.0))[-1]
     assert decision.mode is Mode.TRACK_SHIP
     assert decision.command.pitch_percent == pytest.approx(0.008 * (5000.0 - 400.0))
     assert decision.command.roll_percent == 100.0  # 1.2 · (exp(1.58) − 1) · 100, clamped
@@ -174,21 +179,14 @@ def test_boxes_fly_the_far_laws():
 
 def test_far_heading_is_held_from_the_first_box_on():
     pilot = paper_pilot()
-    ahead = Box((639.5, 360.0), (20.0, 20.0), 0.9)
-    for index in range(60):
-        t_s = index * STEP_S
-        pilot.decide(Observation(t_s, LEVEL, ship_box=ahead), telemetry(t_s), None)
+    boxed(pilot, 60, lambda _: box(639.5))
     turned = replace(telemetry(60 * STEP_S), heading_rad=math.radians(5.0))
-    decision = pilot.decide(Observation(60 * STEP_S, LEVEL, ship_box=ahead), turned, None)
+    decision = pilot.decide(Observation(60 * STEP_S, LEVEL, ship_box=box(639.5)), turned, None)
     assert decision.command.yaw_percent < -20.0  # K_P 5.5 %/° and its derivative, back to the left
 
 
 def test_far_sticks_are_kept_while_a_box_is_missing():
-    pilot = paper_pilot()
-    for index in range(60):
-        t_s = index * STEP_S
-        box = Box((640.0, 360.0), (20.0, 20.0), 0.9) if index < 45 else None
-        decision = pilot.decide(Observation(t_s, LEVEL, ship_box=box), telemetry(t_s), None)
+    decision = boxed(paper_pilot(), 60, lambda t_s: box(640.0) if t_s < 1.49 else None)[-1]
     assert decision.mode is Mode.TRACK_SHIP
     assert decision.command.pitch_percent == pytest.approx(0.008 * (5000.0 - 400.0))
 
@@ -228,24 +226,15 @@ def test_a_velocity_held_aircraft_comes_to_rest_in_the_square(start_m):
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_a_target_lost_to_a_side_is_searched_for_on_that_side(side):
-    pilot, yaws = paper_pilot(), []
-    seen_s, search_s = 2.0, PARAMETERS.search.look_s * len(PARAMETERS.search.camera_pitch_deg)
-    for index in range(round(30 * (seen_s + PARAMETERS.modes.memory_s + search_s + 8.0))):
-        t_s = index * STEP_S
-        box = Box((639.5 + side * 300.0 * t_s, 360.0), (20.0, 20.0), 0.9) if t_s < seen_s else None
-        decision = pilot.decide(Observation(t_s, LEVEL, ship_box=box), telemetry(t_s), None)
-        yaws.append(decision.command.yaw_percent)
+    search_s = PARAMETERS.search.look_s * len(PARAMETERS.search.camera_pitch_deg)
+    cycles = round(30 * (2.0 + PARAMETERS.modes.memory_s + search_s + 8.0))
+    decision = boxed(paper_pilot(), cycles, lambda t_s: box(639.5 + side * 300.0 * t_s) if t_s < 2.0 else None)[-1]
     assert decision.mode is Mode.SEARCH
-    assert yaws[-1] == pytest.approx(side * PARAMETERS.search.turn_percent)
+    assert decision.command.yaw_percent == pytest.approx(side * PARAMETERS.search.turn_percent)
 
 
 def test_the_nose_follows_a_target_that_would_leave_the_picture():
-    pilot = paper_pilot()
-    for index in range(90):
-        column_px = 639.5 if index < 45 else 639.5 + 600.0
-        t_s = index * STEP_S
-        seen = Observation(t_s, LEVEL, ship_box=Box((column_px, 360.0), (20.0, 20.0), 0.9))
-        decision = pilot.decide(seen, telemetry(t_s), None)
+    decision = boxed(paper_pilot(), 90, lambda t_s: box(639.5 if t_s < 1.49 else 639.5 + 600.0))[-1]
     assert decision.command.yaw_percent > 20.0  # 33° off the nose, 20° are let stand
 
 

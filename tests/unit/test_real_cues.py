@@ -57,21 +57,25 @@ def test_dim_tape_is_found_that_the_published_gate_misses(rng):
     assert_there(seen(image))
 
 
-def test_a_hand_lit_by_the_lamp_does_not_merge_with_the_tape(rng):
-    hand = [(-0.75, -0.3), (-0.5, -0.3), (-0.5, 0.3), (-0.75, 0.3)]
-    canvas = plain_canvas(CAMERA, DARK)
-    paint(canvas, project_plane(hand, CAMERA, POSE), (30.0, 70.0, 36.0), 2, LOOK.blur_px)
+@pytest.mark.parametrize(
+    ("room", "beside_m", "shade", "blur_px", "lit"),
+    [
+        (
+            DARK,
+            [(-0.75, -0.3), (-0.5, -0.3), (-0.5, 0.3), (-0.75, 0.3)],
+            (30.0, 70.0, 36.0),
+            LOOK.blur_px,
+            (60, 190, 80),
+        ),
+        ((60.0,) * 3, [(-0.8, -0.25), (0.8, -0.25), (0.8, 0.25), (-0.8, 0.25)], (60.0, 170.0, 80.0), 8.0, (255,) * 3),
+    ],
+    ids=["a hand lit by the lamp", "a white core in green spill"],
+)
+def test_what_the_lamp_lights_does_not_merge_with_it(room, beside_m, shade, blur_px, lit, rng):
+    canvas = plain_canvas(CAMERA, room)
+    paint(canvas, project_plane(beside_m, CAMERA, POSE), shade, 2, blur_px)
     for quad in BAR.polygon:
-        paint(canvas, project_plane(quad.corners_m, CAMERA, POSE), (60.0, 190.0, 80.0), 4, LOOK.blur_px)
-    assert_there(seen(finish(canvas, rng, LOOK)))
-
-
-def test_a_white_core_in_green_spill_is_found(rng):
-    spill = [(-0.8, -0.25), (0.8, -0.25), (0.8, 0.25), (-0.8, 0.25)]
-    canvas = plain_canvas(CAMERA, (60.0, 60.0, 60.0))
-    paint(canvas, project_plane(spill, CAMERA, POSE), (60.0, 170.0, 80.0), 2, 8.0)
-    for quad in BAR.polygon:
-        paint(canvas, project_plane(quad.corners_m, CAMERA, POSE), (255.0, 255.0, 255.0), 4, LOOK.blur_px)
+        paint(canvas, project_plane(quad.corners_m, CAMERA, POSE), lit, 4, LOOK.blur_px)
     assert_there(seen(finish(canvas, rng, LOOK)))
 
 

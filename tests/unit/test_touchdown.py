@@ -130,13 +130,15 @@ def test_lands_on_a_rolling_deck_at_every_phase(rig: Rig) -> None:
         assert verdict.tilt_rad < math.radians(12.0)
 
 
-def test_descending_beside_the_deck_is_the_sea() -> None:
-    flown = world(distance_m=1.5, height_m=0.5)
+@pytest.mark.parametrize(
+    ("distance_m", "landed", "reason"),
+    [(0.3, True, "landed outside the square, 30 cm from its centre"), (1.5, False, "fell into the sea")],
+)
+def test_outside_the_square_and_beside_the_deck_is_said(distance_m: float, landed: bool, reason: str) -> None:
+    flown = world(distance_m=distance_m, height_m=0.5, aircraft=QUIET)
     come_down(flown)
     verdict = verdict_of(flown)
-    assert not verdict.landed
-    assert not verdict.in_square
-    assert verdict.reason == "fell into the sea"
+    assert (verdict.landed, verdict.in_square, verdict.reason) == (landed, False, reason)
     assert not flown.motors_run
 
 
@@ -145,15 +147,6 @@ def test_half_on_the_deck_tips_off() -> None:
     come_down(flown)
     assert not verdict_of(flown).landed
     assert any(word in verdict_of(flown).reason for word in ("struck the deck", "beside the deck", "sea"))
-
-
-def test_outside_the_square_is_said() -> None:
-    flown = world(distance_m=0.3, height_m=0.5, aircraft=QUIET)
-    come_down(flown)
-    verdict = verdict_of(flown)
-    assert verdict.landed
-    assert not verdict.in_square
-    assert verdict.reason == "landed outside the square, 30 cm from its centre"
 
 
 @pytest.mark.parametrize(("height_m", "struck"), [(0.75, "struck the horizon bar"), (0.4, "struck the superstructure")])
