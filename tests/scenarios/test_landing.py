@@ -40,7 +40,8 @@ def test_pictures_alone_are_enough():
 
 @pytest.mark.parametrize("pilot", ["p", "pid", "velocity_matching"])
 def test_linear_pilots_land_in_still_air_where_a_stick_is_a_velocity(pilot):
-    scenario = load_scenario("rig-natops", **{"aircraft.loop.kind": "velocity", "wind.mean_mps": 0.0})
+    still = {"aircraft.loop.kind": "velocity", "wind.mean_mps": 0.0}
+    scenario = load_scenario("rig-natops", start={"distance_m": 6.0, "distance_half_range_m": 0.0}, **still)
     flown = fly_quietly(scenario, pilot, "geometric", 1)
     assert flown.success, flown.reason
 

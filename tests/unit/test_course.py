@@ -20,10 +20,6 @@ def course(**keys: object) -> Course:
     return build_course(parameters, np.random.default_rng(4))
 
 
-def speeds(of: Course, times_s: np.ndarray) -> np.ndarray:
-    return np.array([np.hypot(*of.at(t).velocity_in_ned_mps) for t in times_s])
-
-
 @pytest.mark.parametrize("kind", ["still", "straight", "s", "turn", "turn90", "random", "varying", "reverse"])
 def test_derivatives_are_those_of_the_values(kind: str) -> None:
     way = course(kind=kind, course_deg=40.0, speed_mps=3.0)
@@ -109,7 +105,7 @@ def test_speed_changes_smoothly_to_its_new_value() -> None:
 def test_a_random_course_keeps_within_its_speeds_and_repeats_with_its_seed() -> None:
     times_s = np.arange(0.0, 300.0, 0.5)
     one, same = course(kind="random", speed_mps=4.0), course(kind="random", speed_mps=4.0)
-    found = speeds(one, times_s)
+    found = np.array([np.hypot(*one.at(t_s).velocity_in_ned_mps) for t_s in times_s])
     assert found.max() <= 4.0 + 1e-9
     assert found.min() >= 2.0 - 1e-9
     assert np.ptp(found) > 0.3

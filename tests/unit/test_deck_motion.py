@@ -30,11 +30,6 @@ def random_harmonics(seed: int, count: int = 30) -> Harmonics:
     return Harmonics(rng.uniform(-0.5, 3.0, count), 0.05 * amplitude)
 
 
-def record(duration_s: float = 20.0) -> RecordedMotion:
-    t_s = np.arange(0.0, duration_s, 0.1)
-    return RecordedMotion(t_s, 0.2 * np.sin(np.outer(t_s, [0.5, 0.7, 0.9, 1.1, 1.3, 1.5]) + np.arange(6)))
-
-
 def test_still_is_still() -> None:
     state = Still().at(12.0)
     assert not state.displacement.any()
@@ -109,10 +104,10 @@ def test_the_motion_base_leaves_small_motions_alone_and_records_large_ones() -> 
 
 
 def test_a_record_is_played_as_it_was_and_then_again_without_a_jump() -> None:
-    motion = record()
-    t_s = np.arange(0.0, 17.0, 0.1)
+    t_s = np.arange(0.0, 20.0, 0.1)
     wanted = 0.2 * np.sin(np.outer(t_s, [0.5, 0.7, 0.9, 1.1, 1.3, 1.5]) + np.arange(6))
-    np.testing.assert_allclose([motion.at(t).displacement for t in t_s], wanted, atol=1e-6)
+    motion = RecordedMotion(t_s, wanted)
+    np.testing.assert_allclose([motion.at(t).displacement for t in t_s[:170]], wanted[:170], atol=1e-6)
     # the spline's third derivative jumps at its knots
     assert_derivatives(motion, np.random.default_rng(1).uniform(0.0, 90.0, 200), 1e-4)
     deck = np.array([motion.at(t).displacement for t in np.arange(0.0, 90.0, 0.01)])

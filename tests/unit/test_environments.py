@@ -267,39 +267,15 @@ def test_it_records_for_stable_baselines():
     envs.close()
 
 
-@pytest.fixture
-def example(monkeypatch):
-    """Imports an example, or skips where what it needs is not installed."""
-    monkeypatch.syspath_prepend(EXAMPLES)
-
-    def load(name, *needed):
-        for package in needed:
-            pytest.importorskip(package, reason=f"{package} is not installed")
-        return importlib.import_module(name)
-
-    return load
-
-
-@pytest.fixture
-def short(tmp_path):
-    """A scenario of two seconds."""
-    path = tmp_path / "short.toml"
-    path.write_text("time_limit_s = 2.0\n")
-    return str(path)
-
-
 @pytest.mark.parametrize(("algorithm", "environments"), [("sac", 1), ("ppo", 1), ("ppo", 2)])
-def test_the_example_with_stable_baselines_runs(example, short, tmp_path, capsys, algorithm, environments):
-    train = example("train_sb3", "stable_baselines3")
-    found = train.main(
-        train.Arguments(
-            algorithm, steps=110, environments=environments, scenario=short, action="sticks", flights=1, out=tmp_path
-        )
-    )
-    assert {who: score.landed for who, score in found.items()} == {
-        "zero action": 0,
-        "agent": 0,
-    }  # no time
+def test_the_example_with_stable_baselines_runs(monkeypatch, tmp_path, capsys, algorithm, environments):
+    pytest.importorskip("stable_baselines3", reason="stable_baselines3 is not installed")
+    monkeypatch.syspath_prepend(EXAMPLES)
+    train, short = importlib.import_module("train_sb3"), tmp_path / "short.toml"
+    short.write_text("time_limit_s = 2.0\n")
+    asked = {"steps": 110, "environments": environments, "scenario": str(short), "flights": 1, "out": tmp_path}
+    found = train.main(train.Arguments(algorithm, action="sticks", **asked))
+    assert {who: score.landed for who, score in found.items()} == {"zero action": 0, "agent": 0}  # no time
     assert {path.name for path in tmp_path.iterdir()} >= {"agent.zip", "normalise.pkl", "curve.csv", "curve.png"}
     said = capsys.readouterr()
     assert said.out.startswith("zero action: 0 of 1 landed in the square, mean return ")

@@ -50,18 +50,14 @@ def test_a_rolling_ship_swings_its_bar_aside():
     assert height_m == pytest.approx(AIRFRAME.foot_below_m, abs=0.02)
 
 
-def test_a_touchdown_is_own_error_and_the_decks_displacement():
-    parts = take_apart(ship([0.0, 0.2, 0.0, 0.0, 0.0, 0.0]), AIRFRAME, np.array([0.05, -0.1]))
+@pytest.mark.parametrize("course", [StillCourse(), StraightCourse(math.radians(120.0), 2.0)], ids=["still", "turned"])
+def test_a_touchdown_is_own_error_and_the_decks_displacement_in_the_bars_axes(course):
+    swayed = ship([0.0, 0.2, 0.0, 0.0, 0.0, 0.0], course=course)
+    parts = take_apart(swayed, AIRFRAME, np.array([0.05, -0.1]))
     np.testing.assert_allclose(parts.deck_in_bar_m, [0.0, 0.2], atol=1e-12)
     np.testing.assert_allclose(parts.control_error_in_bar_m, [0.05, 0.1], atol=1e-12)
     assert not parts.oracle_in_square
     assert parts.control_in_square
-
-
-def test_errors_are_in_the_bars_axes_whatever_the_course():
-    turned = ship([0.0, 0.2, 0.0, 0.0, 0.0, 0.0], course=StraightCourse(math.radians(120.0), 2.0))
-    parts = take_apart(turned, AIRFRAME, np.array([0.05, -0.1]))
-    np.testing.assert_allclose(parts.control_error_in_bar_m, [0.05, 0.1], atol=1e-12)
 
 
 def test_the_oracles_touchdown_has_no_control_error():

@@ -1,6 +1,7 @@
 """What the tool about another renderer looks at, and what it calls found; nothing is path-traced here."""
 
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -92,17 +93,9 @@ def test_tables_count_pairs():
 
 @pytest.mark.parametrize(("step", "said"), [("draw", "pip install bpy"), ("look", "holds no pictures")])
 def test_what_is_missing_is_said_in_one_line(step, said, tmp_path, capsys):
-    if step == "draw" and _has_blender():
+    if step == "draw" and find_spec("bpy"):
         pytest.skip("Blender is there")
     with pytest.raises(SystemExit, match="2"):
         main(Arguments(step, out=tmp_path / "out", share=0.01))
     (line,) = capsys.readouterr().err.splitlines()
     assert said in line
-
-
-def _has_blender():
-    try:
-        import bpy  # noqa: F401
-    except ImportError:
-        return False
-    return True

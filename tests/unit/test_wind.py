@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -5,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.signal import welch
 
 from shipland.config import build
+from shipland.frames import Array
 from shipland.rig import Rig
 from shipland.sim.turbulence import (
     Dryden,
@@ -97,7 +100,7 @@ def test_turbulence_below_ten_feet_is_that_of_ten_feet() -> None:
 @given(st.floats(1e-5, 3.0), st.floats(1e-5, 3.0))
 def test_two_steps_are_one_long_step(first: float, second: float) -> None:
     # exact discretisation: Q(a + b) = Φ(b) Q(a) Φ(b)ᵀ + Q(b)
-    def covariance(distance: float) -> np.ndarray:
+    def covariance(distance: float) -> Array:
         q11, q12, q22 = step_covariance(distance)
         return np.array([[q11, q12], [q12, q22]])
 
@@ -110,7 +113,7 @@ def test_a_long_step_ends_in_the_stationary_state() -> None:
     np.testing.assert_allclose(step_covariance(40.0), [0.25, 0.25, 0.5], atol=1e-12)
 
 
-def turbulence(distance_m: float, count: int, seed: int = 1) -> np.ndarray:
+def turbulence(distance_m: float, count: int, seed: int = 1) -> Array:
     dryden = Dryden(np.random.default_rng(seed))
     scales = land_scales(parameters().turbulence, 30.48, 10.0)
     return np.array([dryden.step(distance_m, scales) for _ in range(count)])
@@ -133,6 +136,13 @@ def test_variance_does_not_depend_on_the_step(distance_m: float) -> None:
     np.testing.assert_allclose(series.std(axis=0), wanted, rtol=0.25 if distance_m < 1.0 else 0.06)
 
 
+def assert_spectrum(frequency: Array, power: Array, wanted: Array, edges: tuple[float, ...], rtol: float) -> None:
+    """Means (axes,) over each band between edges."""
+    for low, high in pairwise(edges):
+        band = (frequency >= low) & (frequency < high)
+        np.testing.assert_allclose(power[band].mean(axis=0), wanted[band].mean(axis=0), rtol=rtol)
+
+
 def test_the_spectrum_is_drydens() -> None:
     scales = land_scales(parameters().turbulence, 30.48, 10.0)
     step_m = 4.0
@@ -140,25 +150,20 @@ def test_the_spectrum_is_drydens() -> None:
     frequency, power = welch(series, 1.0 / step_m, nperseg=2048, axis=0)
     wavenumber = 2 * np.pi * frequency
 
-    def longitudinal(length: float, sigma: float) -> np.ndarray:  # MIL-F-8785C §3.7.1.2, per cycle/m
+    def longitudinal(length: float, sigma: float) -> Array:  # MIL-F-8785C §3.7.1.2, per cycle/m
         return 2 * np.pi * sigma**2 * 2 * length / np.pi / (1 + (length * wavenumber) ** 2)
 
-    def lateral(length: float, sigma: float) -> np.ndarray:
+    def lateral(length: float, sigma: float) -> Array:
         x2 = (length * wavenumber) ** 2
         return 2 * np.pi * sigma**2 * length / np.pi * (1 + 3 * x2) / (1 + x2) ** 2
 
+    across_m, upright_m = scales.length_horizontal_m, scales.length_vertical_m
     along, across, upright = scales.deviations_mps
-    wanted = np.column_stack(
-        [
-            longitudinal(scales.length_horizontal_m, along),
-            lateral(scales.length_horizontal_m, across),
-            lateral(scales.length_vertical_m, upright),
-        ]
-    )
-    for low, high in ((0.004, 0.01), (0.01, 0.02), (0.02, 0.04), (0.04, 0.1)):  # rad/m; Nyquist is 0.79
-        band = (wavenumber >= low) & (wavenumber < high)
-        # some 29 averages a bin and several bins a band: 11 %; folding from beyond Nyquist adds up to 5 % at the top
-        np.testing.assert_allclose(power[band].mean(axis=0), wanted[band].mean(axis=0), rtol=0.2)
+    densities = longitudinal(across_m, along), lateral(across_m, across), lateral(upright_m, upright)
+    wanted = np.column_stack(densities)
+    # In rad/m; Nyquist is 0.79. Some 29 averages a bin and several bins a band: 11 %; folding from beyond Nyquist adds
+    # up to 5 % at the top.
+    assert_spectrum(wavenumber, power, wanted, (0.004, 0.01, 0.02, 0.04, 0.1), 0.2)
 
 
 @pytest.mark.parametrize("surface", ["land_kaimal", "sea_kaimal"])
@@ -176,10 +181,8 @@ def test_the_spectrum_is_kaimals(surface: str) -> None:
     wanted = np.column_stack(  # Kaimal et al. 1972
         [105 * f / (1 + 33 * f) ** (5 / 3), 17 * f / (1 + 9.5 * f) ** (5 / 3), 2.1 * f / (1 + 5.3 * f ** (5 / 3))]
     )
-    for low, high in ((0.006, 0.02), (0.02, 0.06), (0.06, 0.2), (0.2, 0.6)):  # Nyquist is 5
-        band = (f >= low) & (f < high)
-        # 24 averages a bin; the lowest band has 5 bins, so 9 %; the fit adds 13 %, folding at the top some more
-        np.testing.assert_allclose(reduced[band].mean(axis=0), wanted[band].mean(axis=0), rtol=0.25)
+    # Nyquist is 5. 24 averages a bin; the lowest band has 5 bins, so 9 %; the fit adds 13 %, folding at the top more.
+    assert_spectrum(f, reduced, wanted, (0.006, 0.02, 0.06, 0.2, 0.6), 0.25)
 
 
 def test_kaimals_eddies_end_at_the_lowest_height() -> None:
@@ -233,9 +236,7 @@ def test_turbulence_met_at_a_point_has_the_surfaces_variance_and_spectrum(surfac
     x2 = (lengths_m * wavenumber[:, None]) ** 2
     shape = np.column_stack([2.0 / (1 + x2[:, 0]), (1 + 3 * x2[:, 1:]) / (1 + x2[:, 1:]) ** 2])
     wanted = 2 * np.square(scales.deviations_mps) * lengths_m / mean_mps * shape  # one-sided, per Hz
-    for low_hz, high_hz in ((0.01, 0.03), (0.03, 0.1), (0.1, 0.3)):
-        band = (frequency_hz >= low_hz) & (frequency_hz < high_hz)
-        np.testing.assert_allclose(power[band].mean(axis=0), wanted[band].mean(axis=0), rtol=0.2)
+    assert_spectrum(frequency_hz, power, wanted, (0.01, 0.03, 0.1, 0.3), 0.2)
 
 
 def test_a_hovering_aircraft_meets_turbulence_at_the_speed_of_the_wind() -> None:
@@ -255,13 +256,9 @@ def test_a_balloon_feels_no_change() -> None:
 
 
 def test_same_seed_same_wind() -> None:
-    keys = {"mean_mps": 6.0}
-    for one, same in zip(
-        (wind(7, **keys).velocity_at(t, FAR, ABOVE_SHIP) for t in (0.0, 0.1)),
-        (wind(7, **keys).velocity_at(t, FAR, ABOVE_SHIP) for t in (0.0, 0.1)),
-        strict=True,
-    ):
-        np.testing.assert_array_equal(one, same)
+    one, same = (wind(7, mean_mps=6.0) for _ in range(2))
+    for t_s in (0.0, 0.1):
+        np.testing.assert_array_equal(*(air.velocity_at(t_s, FAR, ABOVE_SHIP) for air in (one, same)))
 
 
 def test_still_air_over_a_still_ship_is_still() -> None:
