@@ -9,7 +9,7 @@ from hashlib import sha256
 
 import numpy as np
 import pytest
-from test_campaign import GOOD, NOWHERE, seeded
+from test_campaign import GOOD, NOWHERE, make_up_flights, seeded
 
 import shipland
 from shipland.cli import main
@@ -41,7 +41,7 @@ def land(flight):
 def made_up():
     """Flights are made up, and the suite is a packaged one."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(job, "land_once", land)
+        make_up_flights(patch, land)
         patch.setattr("shipland.evaluation.bundle.load_suite", lambda _: TINY)
         yield
 

@@ -6,6 +6,7 @@ import os
 import subprocess
 import threading
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,15 @@ def seeded(landing, seed):
     return replace(landing, seed=seed, conditions=replace(landing.conditions, motion_seed=seed))
 
 
+VERSION_OF = cache(folders._version_of)
+
+
+def make_up_flights(patch, land):
+    """Landings are made up by `land`; the versions of libraries are looked up once, not for every folder."""
+    patch.setattr("shipland.evaluation.job.land_once", land)
+    patch.setattr(folders, "_version_of", VERSION_OF)
+
+
 def run_campaign(plan):
     with open_campaign(plan) as bench:
         list(bench.fly(processes(1)))
@@ -65,7 +75,7 @@ def flown(monkeypatch):
         flown.append(flight.seed)
         return replace(seeded(GOOD, flight.seed), sink_mps=round(0.1 * flight.seed, 4))
 
-    monkeypatch.setattr("shipland.evaluation.job.land_once", land)
+    make_up_flights(monkeypatch, land)
     return flown
 
 

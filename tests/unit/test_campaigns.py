@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_campaign import GOOD, NOWHERE, seeded
+from test_campaign import GOOD, NOWHERE, make_up_flights, seeded
 
 import shipland
 from shipland.errors import ConfigError, DataError
@@ -30,7 +30,7 @@ def made_up(monkeypatch):
         missed = name_of(flight.pilot).endswith("paper") and flight.seed % 2 == 0
         return seeded(NOWHERE if missed else GOOD, flight.seed)
 
-    monkeypatch.setattr(job, "land_once", land)
+    make_up_flights(monkeypatch, land)
     monkeypatch.setattr("shipland.report.landing_plots.installed", lambda _: False)
     return flown
 

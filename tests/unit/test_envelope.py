@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from studies import harness
-from test_campaign import GOOD, NOWHERE, seeded
+from test_campaign import GOOD, NOWHERE, make_up_flights, seeded
 
 from shipland.cli import main
 from shipland.envelopes import bases_of, fly_envelopes
 from shipland.errors import ConfigError
-from shipland.evaluation import job
 from shipland.evaluation.campaign import read_cells
 from shipland.evaluation.envelope import (
     KNOT_MPS,
@@ -56,7 +55,7 @@ def flown(monkeypatch):
         good = wind.mean_mps / KNOT_MPS < (24.0 if wind.from_deg == 0.0 else 13.0)
         return seeded(GOOD if good else NOWHERE, flight.seed)
 
-    monkeypatch.setattr(job, "land_once", land)
+    make_up_flights(monkeypatch, land)
     monkeypatch.setattr("shipland.envelopes.deck_statistics", lambda _: DECK)
     return seen
 
