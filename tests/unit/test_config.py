@@ -323,14 +323,11 @@ class TestPackaged:
         assert {"rig", "camera"} <= set(defaults(Scenario))
         assert set(packaged_toml("vehicles")) == {"response"}
 
-    @pytest.mark.parametrize("name", ["vehcles", "", "vehicles.toml"])
-    def test_an_unknown_name_lists_the_known_ones(self, name):
-        with pytest.raises(ConfigError, match=rf"no packaged configuration '{name}'; there are: vehicles"):
+    @pytest.mark.parametrize("name", ["vehcles", "", "vehicles.toml", "nowhere/near"])
+    def test_an_unknown_name_lists_the_known_ones_and_an_unknown_folder_is_named(self, name):
+        said = "no folder 'nowhere'" if "/" in name else f"no packaged configuration '{name}'; there are: vehicles"
+        with pytest.raises(ConfigError, match=said):
             packaged_toml(name)
-
-    def test_an_unknown_folder_is_named(self):
-        with pytest.raises(ConfigError, match="no folder 'nowhere'"):
-            packaged_toml("nowhere/near")
 
 
 def test_require():

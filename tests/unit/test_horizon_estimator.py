@@ -220,21 +220,16 @@ def test_a_place_forgotten_begins_anew_at_the_next_pose():
     assert estimator.estimate(6.3).aircraft_in_bar_m[1] == pytest.approx(3.0, abs=0.1)
 
 
-def _box(bar_in_level_m):
-    """The bar's box in a level picture, from where it lies ahead and to the right."""
-    ahead_m, right_m = bar_in_level_m
-    scale, (column_px, row_px) = CAMERA.focal_px / ahead_m, View.of(CAMERA).middle_px
-    width_m, height_m = RIG.board_size_m
-    return Box((column_px + scale * right_m, row_px), (scale * width_m, scale * height_m), 0.9)
-
-
 def _boxed(estimator, from_s, to_s, bar_in_level_m, velocity_mps):
     """Boxes every half second of a bar at `bar_in_level_m(t_s)`, the vehicle's velocity at 5 Hz, released sticks."""
+    (column_px, row_px), (width_m, height_m) = View.of(CAMERA).middle_px, RIG.board_size_m
     for index in range(round(30 * from_s), round(30 * to_s)):
         t_s = index / 30.0
-        box = _box(bar_in_level_m(t_s)) if index % 15 == 0 else None
+        ahead_m, right_m = bar_in_level_m(t_s)
+        scale = CAMERA.focal_px / ahead_m
+        box = Box((column_px + scale * right_m, row_px), (scale * width_m, scale * height_m), 0.9)
         velocity = np.array([*velocity_mps, 0.0]) if index % 6 == 0 else None
-        _cycle(estimator, t_s, box=box, velocity_in_level_mps=velocity)
+        _cycle(estimator, t_s, box=box if index % 15 == 0 else None, velocity_in_level_mps=velocity)
     return estimator.estimate(to_s)
 
 

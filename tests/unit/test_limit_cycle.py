@@ -16,12 +16,13 @@ def after(seconds: float, share_of: Callable[[float], tuple[float, float]]) -> L
     return restless
 
 
+def stops(t_s: float, period_s: float) -> tuple[float, float]:
+    return math.copysign(1.0, math.sin(2.0 * math.pi * t_s / period_s)), 0.0
+
+
 @pytest.mark.parametrize("period_s", [0.6, 1.0, 2.0])
 def test_a_swing_from_stop_to_stop_is_known_within_two_seconds(period_s: float) -> None:
-    def stops(t_s: float) -> tuple[float, float]:
-        return math.copysign(1.0, math.sin(2.0 * math.pi * t_s / period_s)), 0.0
-
-    assert after(2.0, stops).oscillating
+    assert after(2.0, lambda t_s: stops(t_s, period_s)).oscillating
 
 
 def test_a_lean_against_the_wind_and_gusts_are_none() -> None:
@@ -35,11 +36,9 @@ def test_a_lean_against_the_wind_and_gusts_are_none() -> None:
 
 
 def test_it_ends_when_the_sticks_rest() -> None:
-    def ends(t_s: float) -> tuple[float, float]:
-        return (math.copysign(1.0, math.sin(2.0 * math.pi * t_s)), 0.0) if t_s < 5.0 else (0.0, 0.0)
-
-    assert after(5.0, ends).oscillating
-    assert not after(8.0, ends).oscillating
+    for seconds in (5.0, 8.0):
+        ends = after(seconds, lambda t_s: stops(t_s, 1.0) if t_s < 5.0 else (0.0, 0.0))
+        assert ends.oscillating == (seconds == 5.0)
 
 
 def test_a_clock_that_leaps_back_raises_nothing() -> None:

@@ -22,24 +22,19 @@ SPEED = replace(SPEED_LIKE, lag_s=0.1, smoothing_s=0.12, dead_time_s=0.0)
 AGE_S, STEP_S = 0.3, 0.03
 
 
-def test_pid_of_a_tilt_is_the_rule_by_hand():
-    """Drag 0.3/s is a lag of 3.33 s; of the tilt's 0.16 s half goes to it and half to θ = 0.3 + 0.025 + 0.04 s."""
-    theta_s, lag_s = 0.365 + 0.08, 1.0 / 0.3 + 0.08
-    time_s = 2.0 * theta_s
-    speed = GRAVITY_MPS2 * math.tan(math.radians(0.15)) / 0.3
-    k_c, tau_i_s = 1.0 / (speed * time_s), 4.0 * time_s
-    assert lag_s < tau_i_s
-    law = simc_pid(horizontal_plant(TILT, AGE_S), 1.0).law
-    assert law.k_p == pytest.approx(k_c * (1.0 + lag_s / tau_i_s))
-    assert law.k_p / law.t_i_s == pytest.approx(k_c / tau_i_s)
-    assert law.k_p * law.t_d_s == pytest.approx(k_c * lag_s)
-
-
-def test_pid_of_a_speed_is_the_rule_by_hand():
-    """0.06 s² + 0.5 s + 1 is (0.3 s + 1)(0.2 s + 1), behind them the tilt's 0.1 s; θ = 0.3 + 0.025 s."""
-    theta_s, lag_s = 0.325 + 0.1 + 0.1, 0.3 + 0.1
-    k_c, tau_i_s = 1.0 / (0.075 * 2.0 * theta_s), 8.0 * theta_s
-    law = simc_pid(horizontal_plant(SPEED, AGE_S), 1.0).law
+@pytest.mark.parametrize(
+    ("response", "theta_s", "lag_s", "speed_mps"),
+    [
+        # Drag 0.3/s is a lag of 3.33 s; of the tilt's 0.16 s half goes to it and half to θ = 0.3 + 0.025 + 0.04 s.
+        (TILT, 0.365 + 0.08, 1.0 / 0.3 + 0.08, GRAVITY_MPS2 * math.tan(math.radians(0.15)) / 0.3),
+        # 0.06 s² + 0.5 s + 1 is (0.3 s + 1)(0.2 s + 1), behind them the tilt's 0.1 s; θ = 0.3 + 0.025 s.
+        (SPEED, 0.325 + 0.1 + 0.1, 0.3 + 0.1, 0.075),
+    ],
+    ids=["tilt", "speed"],
+)
+def test_pid_is_the_rule_by_hand(response, theta_s, lag_s, speed_mps):
+    k_c, tau_i_s = 1.0 / (speed_mps * 2.0 * theta_s), 8.0 * theta_s
+    law = simc_pid(horizontal_plant(response, AGE_S), 1.0).law
     assert law.k_p == pytest.approx(k_c * (1.0 + lag_s / tau_i_s))
     assert law.k_p / law.t_i_s == pytest.approx(k_c / tau_i_s)
     assert law.k_p * law.t_d_s == pytest.approx(k_c * lag_s)

@@ -26,18 +26,13 @@ def packet(count: int, motors_us: list[float], gimbal_us: int = 0) -> bytes:
     return struct.pack("<HHI16H", 18458, 1000, count, *pulses)
 
 
-def parsed(count: int, motors_us: list[float], gimbal_us: int = 0) -> ServoPacket:
-    found = ServoPacket.parse(packet(count, motors_us, gimbal_us))
-    assert found is not None
-    return found
-
-
 def stepped(held: LaunchHold, motors_us: list[float]) -> FlightStep:
     return held.step([round(pulse) for pulse in motors_us], None)
 
 
 def test_packets() -> None:
-    found = parsed(7, [1100.0, 1200.0, 1300.0, 1400.0])
+    found = ServoPacket.parse(packet(7, [1100.0, 1200.0, 1300.0, 1400.0]))
+    assert found is not None
     assert (found.rate_hz, found.count) == (1000, 7)
     assert found.pulses_us[:5] == (1100, 1200, 1300, 1400, 0)
     whole = packet(1, [1000.0] * 4)

@@ -35,12 +35,9 @@ def made():
     return Safety(PARAMETERS, RIG, CAMERA, np.zeros(3), ANAFI_LIKE)
 
 
-def pose(place=(-5.0, 0.0, -0.5), yaw_rad=0.0):
-    return BarPose(np.array(place), yaw_rad, np.eye(4) * 1e-4, 0.1, np.zeros((8, 2)))
-
-
 def seen(t_s, place=(-5.0, 0.0, -0.5), **changes):
-    return Observation(t_s, LEVEL, None if place is None else pose(place), **changes)
+    pose = None if place is None else BarPose(np.array(place), 0.0, np.eye(4) * 1e-4, 0.1, np.zeros((8, 2)))
+    return Observation(t_s, LEVEL, pose, **changes)
 
 
 def ship_box(range_m, column_px=639.5):

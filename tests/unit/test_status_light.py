@@ -21,6 +21,7 @@ from shipland.vision.near.status_light import is_red
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
 SIDE_M = 0.12
+SQUARE = Polygon.rectangle((0.0, 0.0), SIDE_M, SIDE_M)
 RED, GREEN, DARK, WHITE = (20, 15, 220), (30, 240, 20), (25, 25, 25), (250, 250, 250)
 
 
@@ -29,14 +30,10 @@ def seen(colour, range_m=6.0, right_m=0.5, yaw_rad=0.3):
     turned = rotation_from_euler(0.0, yaw_rad, 0.0)  # in camera axes, about down
     pose = Pose(turned, np.array([right_m, -0.4, range_m]))
     image = np.full((720, 1280, 3), 60, np.uint8)
-    for polygon, fill in [*((it, GREEN) for it in Rig().cue.polygon), (square(), colour)]:
+    for polygon, fill in [*((it, GREEN) for it in Rig().cue.polygon), (SQUARE, colour)]:
         points_px = CAMERA.project(pose.apply(np.array([(*corner, 0.0) for corner in polygon.corners_m])))
         cv2.fillConvexPoly(image, np.rint(16 * points_px).astype(np.int32), fill, cv2.LINE_AA, 4)
     return image, pose
-
-
-def square():
-    return Polygon.rectangle((0.0, 0.0), SIDE_M, SIDE_M)
 
 
 @pytest.mark.parametrize("range_m", [1.2, 6.0, 20.0])
