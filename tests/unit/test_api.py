@@ -66,6 +66,12 @@ def test_a_notebook_shows_verdict_figures_the_whole_flight_and_its_film(tmp_path
     assert f'src="{tmp_path / "flight.mp4"}"></video>' in filmed._repr_html_()
 
 
+@pytest.fixture
+def without_plots(monkeypatch):
+    """A folder's plots take longer than a short flight."""
+    monkeypatch.setattr("shipland.report.outputs.installed", lambda _: False)
+
+
 class Swallowing:
     """A pilot in whose third decision Ctrl-C comes, which code of C makes another error of."""
 
@@ -82,7 +88,7 @@ class Swallowing:
         return self._pilot.decide(observation, telemetry, sent)
 
 
-def test_ctrl_c_ends_a_flight_at_the_next_cycle_wherever_it_falls(tmp_path):
+def test_ctrl_c_ends_a_flight_at_the_next_cycle_wherever_it_falls(without_plots, tmp_path):
     pilots = []
 
     def swallowing(setup):
@@ -97,7 +103,7 @@ def test_ctrl_c_ends_a_flight_at_the_next_cycle_wherever_it_falls(tmp_path):
     assert len(log.records) == 3
 
 
-def test_a_log_and_its_summary_say_what_was_flown(tmp_path):
+def test_a_log_and_its_summary_say_what_was_flown(without_plots, tmp_path):
     scenario = shipland.load_scenario("near", **SHORT, wind={"mean_mps": 1.5})
     shipland.fly(scenario, seed=3, out=tmp_path, video=False, command="shipland fly --seed 3")
     info = read_log(tmp_path / "flight.mcap").header.info

@@ -118,7 +118,7 @@ def test_from_the_quarter_a_ship_counts_as_no_wider_than_its_stern():
 def test_it_lands_on_the_frigate():
     near = load_scenario(
         scenario_table("frigate-sea4"),
-        **{"start.distance_m": 60.0, "start.height_m": 12.0, "start.height_half_range_m": 1.0},
+        **{"start.distance_m": 35.0, "start.height_m": 12.0, "start.height_half_range_m": 1.0},
     )
     flown = fly_quietly(near, "horizon", "geometric", 3)
     assert flown.verdict is not None, flown.reason
