@@ -233,14 +233,12 @@ def test_far_sea_has_the_brightness_of_a_supersampled_one(scene: Scene) -> None:
 def test_horizon_stands_where_level_rays_go(scene: Scene, roll_deg: float) -> None:
     state = look((-80.0, 0.0, -4.0), roll_deg)
     gray = cv2.cvtColor(scene.render(state, CAMERA), cv2.COLOR_BGR2GRAY).astype(float)
-    heading = state.ned_from_camera.rotation[:2, 2] / np.linalg.norm(state.ned_from_camera.rotation[:2, 2])
     for column in (150, 1100):
         # The row of a level ray through this column: solve ray_z = 0.
         ray = state.ned_from_camera.rotation @ np.linalg.inv(CAMERA.matrix)
         row = -(ray[2, 0] * column + ray[2, 2]) / ray[2, 1]
         steps = np.diff(gray[int(row) - 12 : int(row) + 14, column])
         assert abs(int(row) - 12 + int(np.argmin(steps)) + 0.5 - row) < 1.6  # px: sky is brighter than sea
-    assert np.isfinite(heading).all()
 
 
 def test_contrast_in_haze_follows_koschmieder() -> None:
