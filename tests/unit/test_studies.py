@@ -142,13 +142,13 @@ def test_results_of_earlier_code_are_taken_over_where_a_part_comes_out_the_same(
     assert "anew" in harness.confirm("two", replace(many, alone=True))
 
 
-@pytest.fixture(scope="module")
-def each_file_digested_once():
+DIGEST = cache(harness.digest)
+
+
+@pytest.fixture
+def each_file_digested_once(monkeypatch):
     """Nobody writes to what studies measure while the pages are read."""
-    whole = cache(harness.digest)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(harness, "digest", lambda paths: whole(tuple(paths)))
-        yield
+    monkeypatch.setattr(harness, "digest", lambda paths: DIGEST(tuple(paths)))
 
 
 @pytest.mark.usefixtures("each_file_digested_once")
