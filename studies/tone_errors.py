@@ -79,5 +79,6 @@ STUDY = Study(
     measure=measure,
     runs=42,
     measured=("vision", "camera.py", "frames.py", "rig.py"),
+    helpers=("tests/pictures.py", "studies/views.py"),
     minutes=1,
 )
