@@ -339,6 +339,16 @@ def test_a_persons_key_ends_a_recovery_and_a_refusal_too():
     assert flight.decisions[-1].reason == "asked"
 
 
+def test_a_persons_key_is_obeyed_while_the_ship_waves_off():
+    flight = Flight(over_deck(1.0), response=SPEEDS).fly(1.0, {})
+    flight.waves_off = True
+    flight.fly(0.5, LANDING)
+    assert "waved off" in flight.decisions[-1].reason
+    flight.override = Override.HOLD
+    flight.fly(STEP_S, LANDING)
+    assert (flight.decisions[-1].reason, flight.decisions[-1].command.intent) == ("held by key h", Intent.HOLD)
+
+
 def test_a_persons_key_is_held_to_fence_and_clearance():
     flight = Flight((-9.0, 0.0, -1.0)).fly(1.0, {})
     flight.safety._parameters = replace(PARAMETERS, fence_height_m=4.0)
