@@ -48,8 +48,8 @@ MOST_M = 0.5
 """Most that a component of a touchdown counts in a comparison, and each of a flight that did not touch the deck."""
 RESAMPLES = 5000
 MEASURED = (
-    *("camera.py", "estimation", "flight.py", "frames.py", "geometric.py", "guidance", "rig.py", "safety", "scenario"),
-    *("sim", "vision", "evaluation/landing.py", "evaluation/oracle.py", "statistics.py"),
+    *("camera.py", "cue.py", "estimation", "flight.py", "frames.py", "geometric.py", "guidance", "rig.py", "safety"),
+    *("scenario", "sim", "vision", "evaluation/landing.py", "evaluation/oracle.py", "statistics.py"),
 )
 COLUMNS = {
     "scenario": Column("scenario"),

@@ -78,7 +78,7 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=40,
-    measured=("camera.py", "frames.py", "rig.py", "sim/scene", "sim/scene_parameters.py", "vision"),
+    measured=("camera.py", "frames.py", "cue.py", "rig.py", "sim/scene", "sim/scene_parameters.py", "vision"),
     minutes=4,
     helpers=("studies/views.py", "studies/spoiling.py"),
 )

@@ -5,6 +5,7 @@ A contact while it is red is counted apart by how long it had been: what had beg
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from shipland.messages import FlightRecord, Mode
@@ -36,31 +37,27 @@ def cases() -> Sequence[Case]:
 
 def measure(case: Case, runs: int) -> Row:
     """Flights with the seeds 1 … runs, near starts."""
-    landing = touched_soon = touched_later = bad = success = 0
+    landing = bad = success = 0
+    touched_s: list[float] = []  # after the light's begin, while it is red
     for seed in range(1, runs + 1):
         begin_s, end_s = red_s(seed)
         over = {"rig": {"status_light_m": LIGHT_M}, "ship": {"waves_off_s": [[begin_s, end_s]]}}
         scenario = load_scenario(str(case["scenario"]), wind={"mean_mps": 0.0}, **over)
-        modes: list[Mode | None] = []
-
-        def see(record: FlightRecord, modes: list[Mode | None] = modes, begin_s: float = begin_s) -> None:
-            if record.telemetry.t_s <= begin_s:
-                modes[:] = [record.decision.mode]
-
-        flown = fly_quietly(scenario, str(case["pilot"]), "geometric", seed, see)
+        records: list[FlightRecord] = []
+        flown = fly_quietly(scenario, str(case["pilot"]), "geometric", seed, records.append)
         verdict = flown.verdict
-        after_s = None if verdict is None or not verdict.touched else verdict.t_s - begin_s
-        red = after_s is not None and 0.0 <= after_s < LASTS_S
-        landing += modes == [Mode.LAND] and (after_s is None or after_s >= 0.0)
-        touched_soon += red and after_s is not None and after_s < SOON_S
-        touched_later += red and after_s is not None and after_s >= SOON_S
+        after_s = verdict.t_s - begin_s if verdict is not None and verdict.touched else math.inf
+        if 0.0 <= after_s < LASTS_S:
+            touched_s.append(after_s)
+        if after_s >= 0.0:
+            landing += [it.decision.mode for it in records if it.telemetry.t_s <= begin_s][-1] is Mode.LAND
         bad += verdict is not None and not verdict.landed
         success += flown.success
     return {
         "flights": runs,
         "landing": landing,
-        "touched_soon": touched_soon,
-        "touched_later": share(touched_later, runs),
+        "touched_soon": sum(it < SOON_S for it in touched_s),
+        "touched_later": share(sum(it >= SOON_S for it in touched_s), runs),
         "success": share(success, runs),
         "bad": bad,
     }

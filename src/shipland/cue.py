@@ -146,10 +146,11 @@ class Cue:
         return np.array([polygon.corners_m for polygon in self.polygon], dtype=float)
 
     @property
-    def status_light_in_bar_m(self) -> Array:
-        """(4,3) corners of the status light in `bar` [m]."""
-        corners_m = Polygon.rectangle((0.0, 0.0), self.status_light_m, self.status_light_m).corners_m
-        return np.array([(0.0, *corner_m) for corner_m in corners_m])
+    def status_light(self) -> Polygon | None:
+        """The lit square; None without one."""
+        if self.status_light_m <= 0.0:
+            return None
+        return Polygon.rectangle((0.0, 0.0), self.status_light_m, self.status_light_m)
 
     @property
     def count(self) -> int:

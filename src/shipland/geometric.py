@@ -317,7 +317,7 @@ class GeometricVision:
         self._parameters = parameters
         self._least_facing = math.cos(math.radians(near.max_obliquity_deg))
         self._rng = rng
-        self._tolerance, self._status_light = cue.manufacturing_tolerance, cue.status_light_m > 0.0
+        self._tolerance, self._status_light = cue.manufacturing_tolerance, cue.status_light is not None
         self._plane_m = np.ascontiguousarray(cue.points_in_bar_m[:, 1:])
         border_px = parameters.border_px
         self._last: tuple[float, Pose] | None = None

@@ -40,14 +40,14 @@ def seen(colour, range_m=6.0, right_m=0.5, yaw_rad=0.3):
 @pytest.mark.parametrize(("colour", "red"), [(RED, True), (DARK, False), (GREEN, False), (WHITE, False)])
 def test_only_a_red_light_is_red(colour, red, range_m):
     image, pose = seen(colour, range_m)
-    assert is_red(image, CAMERA, pose, SIDE_M) is red
+    assert is_red(image, CAMERA, pose, SQUARE) is red
 
 
 def test_a_light_that_is_too_small_or_outside_is_not_red():
     image, pose = seen(RED)
-    assert not is_red(image, CAMERA, pose, 0.01)
-    assert not is_red(image, CAMERA, replace(pose, translation_m=np.array([9.0, 0.0, 6.0])), SIDE_M)
-    assert not is_red(image, CAMERA, replace(pose, translation_m=np.array([0.0, 0.0, -6.0])), SIDE_M)
+    assert not is_red(image, CAMERA, pose, Polygon.rectangle((0.0, 0.0), 0.01, 0.01))
+    assert not is_red(image, CAMERA, replace(pose, translation_m=np.array([9.0, 0.0, 6.0])), SQUARE)
+    assert not is_red(image, CAMERA, replace(pose, translation_m=np.array([0.0, 0.0, -6.0])), SQUARE)
 
 
 def test_the_ships_light_flashes_twice_a_second_while_it_waves_off():

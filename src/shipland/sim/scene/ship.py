@@ -57,7 +57,8 @@ class ShipLayer:
         self._aircraft_bounds = mesh.scaled(mesh.AIRCRAFT, aircraft_scale)
         self._aircraft_shade = mesh.scaled(mesh.AIRCRAFT_SHADE, aircraft_scale)
         self._quads_m = rig.cue.points_in_bar_m[:, 1:].reshape(-1, 4, 2)
-        self._status_m = rig.cue.status_light_in_bar_m[None, :, 1:] if rig.status_light_m > 0.0 else None
+        light = rig.cue.status_light
+        self._status_m = None if light is None else np.array([light.corners_m])
         self._status_rgb = lamp * _STATUS_RGB
         self._solids: dict[tuple[int, bool], moderngl.Program] = {}
         self._paints = gl.mipmapped(context, paints(rng, rig), layers=True)

@@ -78,7 +78,7 @@ class NearVision:
         fuse: bool = False,
     ) -> None:
         self._setup, self._steps, self._fuse = Setup.of(cue, camera, parameters), steps or Steps(), fuse
-        self._status_light_m = cue.status_light_m
+        self._status_light = cue.status_light
         self._track: Track | None = None
         self._still: Still | None = None
 
@@ -97,9 +97,9 @@ class NearVision:
             return Observation(frame.t_s, frame.gimbal, reason=found.value)
         if found.level_off_rad > 0.0:
             return gimbal_off(frame, found.level_off_rad)
-        waves_off, side_m = False, self._status_light_m
-        if side_m > 0.0 and frame.image is not None:
-            waves_off = is_red(frame.image, self._setup.camera, found.camera_from_plane, side_m)
+        waves_off, light = False, self._status_light
+        if light is not None and frame.image is not None:
+            waves_off = is_red(frame.image, self._setup.camera, found.camera_from_plane, light)
         return Observation(frame.t_s, frame.gimbal, bar_pose=found.bar_pose, waves_off=waves_off)
 
     def _find(self, frame: Frame) -> PoseCandidate | Refusal:

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.frames import Array, Pose
+from shipland.cue import Polygon
+from shipland.frames import Pose
 from shipland.vision.near.segment import Image
 
 _INNER = 0.7
@@ -17,16 +18,17 @@ _LEAST_RED, _PURE = 60.0, 2.0
 """Mean red of one that shines [grey levels], and its ratio to green and blue."""
 
 
-def is_red(image: Image, camera: Camera, camera_from_plane: Pose, side_m: float) -> bool:
-    """Whether the square of this side about the plane's origin shines red.
+def is_red(image: Image, camera: Camera, camera_from_plane: Pose, light: Polygon) -> bool:
+    """Whether a status light shines red.
 
     Args:
         image: (H,W,3) BGR.
         camera: intrinsics.
         camera_from_plane: pose of the cue's plane (right, down, forward).
-        side_m: of the light.
+        light: in that plane, about its origin.
     """
-    corners_px = _corners_px(camera, camera_from_plane, _INNER * side_m)
+    corners_m = np.array([(*corner_m, 0.0) for corner_m in light.corners_m])
+    corners_px = camera.project(camera_from_plane.apply(_INNER * corners_m))
     if not np.isfinite(corners_px).all() or np.ptp(corners_px, axis=0).min() < _LEAST_PX:
         return False
     low, high = np.floor(corners_px.min(axis=0)).astype(int), np.ceil(corners_px.max(axis=0)).astype(int) + 1
@@ -36,10 +38,3 @@ def is_red(image: Image, camera: Camera, camera_from_plane: Pose, side_m: float)
     cv2.fillConvexPoly(mask, np.rint(corners_px - low).astype(np.int32), 255)
     blue, green, red, _ = cv2.mean(image[low[1] : high[1], low[0] : high[0]], mask)
     return bool(red >= _LEAST_RED and red >= _PURE * max(blue, green))
-
-
-def _corners_px(camera: Camera, camera_from_plane: Pose, side_m: float) -> Array:
-    """(4,2)."""
-    half_m = 0.5 * side_m
-    plane_m = half_m * np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)])
-    return camera.project(camera_from_plane.apply(plane_m))
