@@ -9,6 +9,7 @@ import pytest
 from shipland.camera import Camera
 from shipland.config import build, plain
 from shipland.errors import ConfigError
+from shipland.frames import wrap_angle
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.messages import (
     BarPose,
@@ -24,7 +25,7 @@ from shipland.messages import (
 )
 from shipland.rig import Rig
 from shipland.safety.assurance import Safety, SafetyParameters
-from shipland.safety.estimate import SafetyEstimate
+from shipland.safety.estimate import SafetyEstimate, SafetyEstimator
 from shipland.safety.monitor import Action, stopping_distance_m
 from shipland.safety.recovery import Recovery, Rung, Switch, next_switch, sticks_of
 
@@ -202,6 +203,34 @@ def test_poses_that_leap_by_a_third_of_the_way_to_the_bar_are_not_waited_for(ahe
     flight.fly(1.0, {"pitch_percent": 10.0})
     assert flight.safety_flies is goes_around
     assert ("poses leap by 3" in flight.said) is goes_around
+
+
+def test_a_leap_is_forgotten_where_no_poses_follow():
+    flight = Flight((-9.0, 0.0, -1.0)).fly(1.5, {"pitch_percent": 10.0})
+    flight.seen_off_m[0] = -3.0
+    assert flight.fly(0.5, {"pitch_percent": 10.0}).safety_flies
+    flight.seen = False
+    flight.fly(40.0, {"intent": Intent.HOLD})
+    assert "refused" not in flight.said
+    assert not flight.safety_flies
+
+
+def test_with_a_ship_that_circles_place_and_velocity_are_carried_on_and_no_further_than_is_known():
+    place_m, turn_rad_s, ahead_mps = np.array([-4.0, 0.5, -0.7]), 0.5, 4.5
+    estimator = SafetyEstimator(RIG, CAMERA, np.zeros(3))
+    velocity_mps = np.array([ahead_mps - turn_rad_s * place_m[1], turn_rad_s * place_m[0], 0.0])
+    pose = BarPose(place_m, 0.0, 1e-4 * np.eye(4), 0.1, np.zeros((8, 2)))
+    for cycle in range(3000):
+        t_s = 100.0 + cycle / 30.0
+        told = Telemetry(
+            t_s, 0.0, 0.0, wrap_angle(turn_rad_s * t_s), 5.0, velocity_mps, 80.0, 90.0, True, *[t_s] * 4
+        )  # fmt: skip
+        seen = Observation(t_s - 0.3, GimbalAttitude(0.0, 0.0), pose if cycle < 120 else None)
+        estimate = estimator.updated(seen, told)
+        if cycle == 119:
+            assert estimate.place_in_bar_m == pytest.approx(place_m, abs=0.05)
+            assert estimate.velocity_in_bar_mps == pytest.approx(np.zeros(3), abs=0.1)
+    assert max(map(abs, estimate.velocity_in_bar_mps)) < 20.0
 
 
 def test_a_ships_way_is_no_contradiction():

@@ -50,8 +50,8 @@ _LARGEST_TIME_S = 1.0
 """Of the largest tilt: telemetry of 5 Hz sees a swing of 0.4 s now and then only."""
 _LEAP_M, _LEAP_SHARE, _LEAP_MPS = 1.0, 0.05, 1.0
 """A pose may lie so far from where those before lead to, more by a share of its range and by the time between."""
-_PATIENCE_S, _REMEMBERED_S = 4.0, 2.0
-"""Poses that contradict those before are believed after so long; after so long without any, the next one is."""
+_REMEMBERED_S = 2.0
+"""Poses that contradict those before are believed after so long."""
 _CONTRADICTED_S = 2.0
 """Contradictions of bar and gimbal are remembered for so long."""
 _LEAST_BOX_PX = 1e-3
@@ -73,10 +73,9 @@ class SafetyEstimate(NamedTuple):
         place_in_bar_m: the aircraft's centre of mass at `t_s`, carried on from that pose.
         yaw_rad: heading against the bar by the newest pose.
         velocity_in_bar_mps: against the bar at `t_s`; None before poses have shown it.
-        velocity_bias_mps: north and east, the vehicle's own velocity less that against the bar; None where one of the
-            two is not known.
-        slow_velocity_bias_in_bar_mps: the same of the last `_REFERENCE_TIME_S`, in axes that turn with the bar: a ship
-            that turns goes on ahead.
+        velocity_bias_in_bar_mps: the vehicle's own velocity less that against the bar, in axes that turn with the bar:
+            a ship that turns goes on ahead. None where one of the two is not known.
+        slow_velocity_bias_in_bar_mps: the same of the last `_REFERENCE_TIME_S`.
         bar_from_aircraft_m: horizontal way to the bar, in axes that lie still: north and east by the compass.
         heading_rad: compass, the last one known; 0 where there never was one.
         bar_heading_rad: of the bar, clockwise from the axes that lie still; None before the first pose.
@@ -93,7 +92,6 @@ class SafetyEstimate(NamedTuple):
         wind_s: how long that has been, up to `_WIND_TIME_S`.
         largest_tilt_rad: largest tilt against the vertical of about the last second.
         leap_m: by which the newest pose contradicts the way from those before; 0 for one that does not.
-        leapt_s: exposure since which poses do so, and are not flown on; None while they do not.
         deck_down_m: of the neutral deck below the bar.
         waved_off_s: exposure of the newest picture in which the ship's status light is red.
         contradicted_s: exposures of the last `_CONTRADICTED_S` whose bar contradicts the gimbal.
@@ -106,7 +104,7 @@ class SafetyEstimate(NamedTuple):
     place_in_bar_m: Place | None = None
     yaw_rad: float = 0.0
     velocity_in_bar_mps: Place | None = None
-    velocity_bias_mps: Vector | None = None
+    velocity_bias_in_bar_mps: Vector | None = None
     slow_velocity_bias_in_bar_mps: Vector | None = None
     bar_from_aircraft_m: Vector | None = None
     heading_rad: float = 0.0
@@ -126,7 +124,6 @@ class SafetyEstimate(NamedTuple):
     wind_s: float = 0.0
     largest_tilt_rad: float = 0.0
     leap_m: float = 0.0
-    leapt_s: float | None = None
     deck_down_m: float = 0.0
     waved_off_s: float = -math.inf
     contradicted_s: tuple[float, ...] = ()
@@ -165,10 +162,10 @@ class SafetyEstimate(NamedTuple):
 
         It may be its slow mean, and anything less: optical flow over a deck under way tells the velocity against it.
         """
-        bias_mps, slow_mps = self.velocity_bias_mps, self.slow_velocity_bias_in_bar_mps
-        if bias_mps is None or slow_mps is None or self.bar_heading_rad is None:
+        bias_mps, slow_mps = self.velocity_bias_in_bar_mps, self.slow_velocity_bias_in_bar_mps
+        if bias_mps is None or slow_mps is None:
             return 0.0
-        (ahead, right), (slow_ahead, slow_right) = turned(*bias_mps, -self.bar_heading_rad), slow_mps
+        (ahead, right), (slow_ahead, slow_right) = bias_mps, slow_mps
         share = (ahead * slow_ahead + right * slow_right) / max(slow_ahead**2 + slow_right**2, 1e-9)
         share = min(max(share, 0.0), 1.0)
         return math.hypot(ahead - share * slow_ahead, right - share * slow_right)
@@ -184,8 +181,8 @@ class SafetyEstimate(NamedTuple):
 
 _VECTORS = {
     **dict.fromkeys(("place_in_bar_m", "velocity_in_bar_mps"), 3),
-    **dict.fromkeys(("velocity_bias_mps", "slow_velocity_bias_in_bar_mps", "bar_from_aircraft_m", "velocity_mps"), 2),
-    **dict.fromkeys(("tilt_mps2", "mean_tilt_mps2", "mean_velocity_mps", "held_mps2", "wind_mps2"), 2),
+    **dict.fromkeys(("velocity_bias_in_bar_mps", "slow_velocity_bias_in_bar_mps", "bar_from_aircraft_m"), 2),
+    **dict.fromkeys(("velocity_mps", "tilt_mps2", "mean_tilt_mps2", "mean_velocity_mps", "held_mps2", "wind_mps2"), 2),
 }
 _FIELDS = {name: value for name, value in SafetyEstimate._field_defaults.items() if name != "contradicted_s"}
 _OWN = ("ways", "sights")
@@ -378,8 +375,8 @@ def _take_pose(
 ) -> None:
     """A pose, of the camera's place and yaw: its slope over the last second, and the place carried on to now.
 
-    A pose that lies where no way leads from those before is not flown on; those that go on saying so for `_PATIENCE_S`
-    are, as a track of its own.
+    A pose that lies where no way leads from those before is not flown on; those that go on saying so for
+    `_REMEMBERED_S` are, as a track of its own.
     """
     s, (ahead_m, right_m, down_m, yaw_rad) = records[0], seen
     lever_m = _turned(camera_in_body_m[0], camera_in_body_m[1], yaw_rad)
@@ -396,11 +393,7 @@ def _take_pose(
     s.bar_from_aircraft_m[0], s.bar_from_aircraft_m[1] = north_m, east_m
     s.leap_m = _leap_m(s, ways, sights, exposure_s, (ahead_m, right_m, down_m))
     if s.leap_m > 0.0:
-        if math.isnan(s.leapt_s):
-            s.leapt_s = exposure_s
-        if exposure_s - s.leapt_s < _PATIENCE_S:
-            return
-        s.sights = 0
+        return
     count = 0
     for row in range(int(s.sights)):
         if 0.0 < exposure_s - sights[row, 0] <= _WINDOW_S and count < _ROWS - 1:
@@ -409,7 +402,7 @@ def _take_pose(
             count += 1
     newest = sights[count]
     newest[0], newest[1], newest[2], newest[3], newest[4] = exposure_s, ahead_m, right_m, down_m, s.bar_heading_rad
-    s.sights, s.seen_s, s.pose_s, s.leap_m, s.leapt_s = count + 1, exposure_s, exposure_s, 0.0, math.nan
+    s.sights, s.seen_s, s.pose_s = count + 1, exposure_s, exposure_s
     _update_reference(s, ways, sights)
     _update_velocity(s)
     _carry(s, ways, sights)
@@ -449,7 +442,7 @@ def _update_reference(s: Record, ways: Array, sights: Array) -> None:
     while own and first < count and sights[first, 0] < ways[0, 0]:
         first += 1  # of before its first reading nobody knows the way
     rows = sights[first:count]
-    s.velocity_bias_mps[:] = math.nan
+    s.velocity_bias_in_bar_mps[:] = math.nan
     if len(rows) < 3 or rows[-1, 0] - rows[0, 0] < _SHORTEST_WINDOW_S:
         s.velocity_in_bar_mps[:] = math.nan
         return
@@ -470,15 +463,14 @@ def _update_reference(s: Record, ways: Array, sights: Array) -> None:
     lasted_s = rows[-1, 0] - rows[0, 0]
     begun, ended = _travelled(s, ways, rows[0, 0]), _travelled(s, ways, rows[-1, 0])
     s.turn_rad_s = _wrap(rows[-1, 4] - rows[0, 4]) / lasted_s
+    heading_rad = rows[-1, 4] - s.turn_rad_s * (rows[-1, 0] - mean_s)
+    own_mps = _turned((ended[0] - begun[0]) / lasted_s, (ended[1] - begun[1]) / lasted_s, -heading_rad)
     swept_mps = _swept(ahead_m, right_m, s.turn_rad_s)
-    north_mps, east_mps = _turned(slope[0] + swept_mps[0], slope[1] + swept_mps[1], s.bar_heading_rad)
-    s.velocity_bias_mps[0] = (ended[0] - begun[0]) / lasted_s - north_mps
-    s.velocity_bias_mps[1] = (ended[1] - begun[1]) / lasted_s - east_mps
-    in_bar = _turned(s.velocity_bias_mps[0], s.velocity_bias_mps[1], -s.bar_heading_rad)
     share = min((rows[-1, 0] - rows[-2, 0]) / _REFERENCE_TIME_S, 1.0)
-    slow = s.slow_velocity_bias_in_bar_mps
+    bias, slow = s.velocity_bias_in_bar_mps, s.slow_velocity_bias_in_bar_mps
     for i in range(2):
-        slow[i] = in_bar[i] if math.isnan(slow[i]) else slow[i] + share * (in_bar[i] - slow[i])
+        bias[i] = own_mps[i] - slope[i] - swept_mps[i]
+        slow[i] = bias[i] if math.isnan(slow[i]) else slow[i] + share * (bias[i] - slow[i])
 
 
 @compiled
@@ -490,43 +482,46 @@ def _swept(ahead_m: float, right_m: float, turn_rad_s: float) -> Vector:
 @compiled
 def _update_velocity(s: Record) -> None:
     """The velocity against the bar, brought up to date by the vehicle's own."""
-    unknown = s.velocity_in_bar_mps[0] + s.velocity_bias_mps[0] + s.bar_heading_rad + s.velocity_mps[0]
+    unknown = s.velocity_in_bar_mps[0] + s.velocity_bias_in_bar_mps[0] + s.bar_heading_rad + s.velocity_mps[0]
     if math.isnan(unknown):
         return
-    north_mps, east_mps = s.velocity_mps[0] - s.velocity_bias_mps[0], s.velocity_mps[1] - s.velocity_bias_mps[1]
-    ahead_mps, right_mps = _turned(north_mps, east_mps, -s.bar_heading_rad)
+    heading_rad = s.bar_heading_rad + s.turn_rad_s * min(max(s.t_s - s.pose_s, 0.0), _KEPT_S)
+    own_mps = _turned(s.velocity_mps[0], s.velocity_mps[1], -heading_rad)
+    swept_mps = (0.0, 0.0)
     if not math.isnan(s.place_in_bar_m[0]):
         swept_mps = _swept(s.place_in_bar_m[0], s.place_in_bar_m[1], s.turn_rad_s)
-        ahead_mps, right_mps = ahead_mps - swept_mps[0], right_mps - swept_mps[1]
-    s.velocity_in_bar_mps[0], s.velocity_in_bar_mps[1] = ahead_mps, right_mps
+    for i in range(2):
+        s.velocity_in_bar_mps[i] = own_mps[i] - s.velocity_bias_in_bar_mps[i] - swept_mps[i]
 
 
 @compiled
 def _carry(s: Record, ways: Array, sights: Array) -> None:
     """Carry the place on from the newest pose to the newest telemetry."""
-    if math.isnan(s.t_s) or s.sights == 0.0 or s.pose_s > sights[int(s.sights) - 1, 0]:
-        return  # none yet, or the deck itself was seen since
-    x, y, z = _place_m(s, ways, sights, max(s.t_s, sights[int(s.sights) - 1, 0]))
+    newest_s = sights[int(s.sights) - 1, 0]
+    if math.isnan(s.t_s) or s.sights == 0.0 or s.pose_s > newest_s or s.t_s > newest_s + _KEPT_S:
+        return  # none yet, or the deck itself was seen since, or too long ago
+    x, y, z = _place_m(s, ways, sights, max(s.t_s, newest_s))
     s.place_in_bar_m[0], s.place_in_bar_m[1], s.place_in_bar_m[2] = x, y, z
 
 
 @compiled
 def _place_m(s: Record, ways: Array, sights: Array, t_s: float) -> Place:
     """In `bar`, from the newest pose carried on to a time."""
-    seen_s, ahead_m, right_m, down_m, _ = sights[int(s.sights) - 1]
+    seen_s, ahead_m, right_m, down_m, heading_rad = sights[int(s.sights) - 1]
     if math.isnan(s.velocity_in_bar_mps[0]):
         return ahead_m, right_m, down_m
     age_s = min(max(t_s - seen_s, 0.0), _KEPT_S)
     ahead_mps, right_mps, down_mps = s.velocity_in_bar_mps
-    moved = age_s * ahead_mps, age_s * right_mps
-    begun, ended = _travelled(s, ways, seen_s), _travelled(s, ways, t_s)
-    if not math.isnan(s.velocity_bias_mps[0] + s.bar_heading_rad + begun[0] + ended[0]):
-        north_m = ended[0] - begun[0] - age_s * s.velocity_bias_mps[0]
-        east_m = ended[1] - begun[1] - age_s * s.velocity_bias_mps[1]
-        swept_mps = _swept(ahead_m, right_m, s.turn_rad_s)
-        level_m = _turned(north_m, east_m, -s.bar_heading_rad)
-        moved = level_m[0] - age_s * swept_mps[0], level_m[1] - age_s * swept_mps[1]
-    return ahead_m + moved[0], right_m + moved[1], down_m + age_s * down_mps
+    begun, ended, bias_mps = _travelled(s, ways, seen_s), _travelled(s, ways, t_s), s.velocity_bias_in_bar_mps
+    if math.isnan(bias_mps[0] + begun[0] + ended[0]):
+        return ahead_m + age_s * ahead_mps, right_m + age_s * right_mps, down_m + age_s * down_mps
+    turned_rad = s.turn_rad_s * age_s
+    north_m, east_m = _turned(ahead_m, right_m, heading_rad)
+    ship_mps = _turned(bias_mps[0], bias_mps[1], heading_rad + 0.5 * turned_rad)
+    north_m += ended[0] - begun[0] - age_s * ship_mps[0]
+    east_m += ended[1] - begun[1] - age_s * ship_mps[1]
+    ahead_m, right_m = _turned(north_m, east_m, -heading_rad - turned_rad)
+    return ahead_m, right_m, down_m + age_s * down_mps
 
 
 @compiled

@@ -236,7 +236,7 @@ def tilted(look: Look) -> Finding | None:
 def poses_leap(look: Look) -> Finding | None:
     """Poses that no way leads to: the picture is older than it says, or it is not the bar."""
     leap_m, place_m = look.estimate.leap_m, look.place_m
-    if leap_m <= 0.0:
+    if look.blind or leap_m <= 0.0:
         return None
     near = place_m is not None and -place_m[0] < max(look.limits.near_m, _ROOM_PER_LEAP * leap_m)
     return Finding(Action.GO_AROUND if near else Action.NO_GO, f"poses leap by {leap_m:.1f} m")
