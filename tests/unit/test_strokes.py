@@ -10,6 +10,7 @@ from pictures import GREEN, Look, bar_picture, camera_from_bar, paint, plain_can
 from shipland.camera import Camera
 from shipland.cue import Cue, Polygon
 from shipland.messages import Frame, GimbalAttitude
+from shipland.vision.near.outline import polygon_in_outline
 from shipland.vision.near.pipeline import NearVision
 from shipland.vision.near.segment import joined_quads
 from shipland.vision.parameters import VisionParameters
@@ -49,6 +50,16 @@ def test_tape_two_pixels_wide_is_measured_as_a_whole(distance_m, rng):
     assert np.linalg.norm(found.position_in_bar_m) == pytest.approx(np.linalg.norm(place), rel=0.03)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_dim_tape_a_pixel_wide_is_found_though_its_light_breaks_up(seed):
+    rng, place = np.random.default_rng(seed), [-15.0, 1.0, 2.0]
+    clear = drawn(camera_from_bar(place), rng, noise=0.0)
+    dim = np.clip(0.32 * clear + rng.normal(0.0, 2.0, clear.shape), 0, 255).astype(np.uint8)
+    found = see(dim).bar_pose
+    assert found is not None
+    assert np.linalg.norm(found.position_in_bar_m) == pytest.approx(np.linalg.norm(place), rel=0.05)
+
+
 @pytest.mark.parametrize("change", ["closed", "half", "cross"])
 def test_other_shapes_of_tape_are_not_the_cue(change, rng):
     image = drawn(camera_from_bar([-8.0, 0.0, 0.0]), rng)
@@ -63,6 +74,19 @@ def test_other_shapes_of_tape_are_not_the_cue(change, rng):
         cv2.line(image, (int(left), int(bottom)), (int(right), int(top)), lit, 2)
         cv2.line(image, (int(left), int(top)), (int(right), int(bottom)), lit, 2)
     assert see(image).bar_pose is None
+
+
+def test_an_outline_of_eight_corners_may_have_more_bumps_than_one_of_four():
+    corners_px = np.round(220.0 * np.array(CORNERS) + [200, 60]).astype(np.int32)
+    mask = np.zeros((300, 400), np.uint8)
+    cv2.fillPoly(mask, [corners_px], 255)
+    for side in (1, 2, 3):
+        middle_px = (corners_px[side] + corners_px[(side + 1) % 8]) // 2
+        cv2.circle(mask, middle_px.tolist(), 4, 255, -1)
+    (outline,), _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    found = polygon_in_outline(outline[:, 0], cv2.contourArea(outline), 8)
+    assert found is not None
+    assert np.abs(found[:, None] - corners_px).max(axis=-1).min(axis=1) == pytest.approx(np.zeros(8), abs=1.5)
 
 
 def test_a_rectangle_cut_in_two_is_joined_and_measured(rng, rig, camera):

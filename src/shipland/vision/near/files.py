@@ -27,7 +27,7 @@ _MAX_OBLIQUITY_DEG = 65.0
 
 COLUMNS = (
     "file", "t_s", "found", "reason", "distance_m", "forward_m", "right_m", "down_m", "yaw_deg", "forward_sd_m",
-    "right_sd_m", "down_sd_m", "yaw_sd_deg", "reprojection_px",
+    "right_sd_m", "down_sd_m", "yaw_sd_deg", "reprojection_px", "waves_off",
 )  # fmt: skip
 """Of the table; the place is the camera's in `bar`."""
 
@@ -72,9 +72,7 @@ class SeeResult:
     def to_rows(self) -> list[dict[str, object]]:
         """For a table: one row; deviations are the roots of the covariance's diagonal."""
         pose, found = self.observation.bar_pose, self.to_json()
-        row = {
-            name: found[name] for name in ("file", "t_s", "found", "reason", "distance_m", "yaw_deg", "reprojection_px")
-        }
+        row = {name: found[name] for name in COLUMNS if name in found}
         if pose is not None:
             std = np.sqrt(np.diag(pose.covariance))
             values = [*pose.position_in_bar_m, *std[:3], np.degrees(std[3])]

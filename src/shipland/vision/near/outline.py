@@ -11,8 +11,8 @@ from shipland.frames import Array
 _FINE = (0.25, 0.12)
 """How far a polygon may lie off the outline before it is simplified, as fractions of the region's width."""
 
-_MOST_VERTICES = 14
-"""An outline with more is no polygon."""
+_MOST_MORE = 10
+"""An outline with so many more vertices than the polygon's is none."""
 
 _LINE_PX = 2.0
 """Distance up to which a point of the outline belongs to a side."""
@@ -57,7 +57,7 @@ def polygon_in_outline(contour_px: npt.NDArray[np.int32], area_px2: float, count
 def _polygon(contour_px: npt.NDArray[np.int32], fine_px: float, points_px: Array, count: int) -> Array | None:
     """Corners (count,2) of an outline whose details up to `fine_px` are left out; None when it has too few or many."""
     vertices = cv2.approxPolyDP(contour_px, fine_px, True)[:, 0].astype(float)
-    if not count <= len(vertices) <= _MOST_VERTICES:
+    if not count <= len(vertices) <= count + _MOST_MORE:
         return None
     if cv2.contourArea(vertices.astype(np.float32), oriented=True) < 0.0:
         vertices = vertices[::-1]

@@ -19,7 +19,7 @@ from shipland.frames import Array
 from shipland.vision.near.edge_pixels import LIGHT, distort
 from shipland.vision.near.edges import MeasuredCorners
 from shipland.vision.near.regions import FLOOR, cue_light, find_regions
-from shipland.vision.near.segment import Image, Window, quad_around
+from shipland.vision.near.segment import Image, Window, outlines, quad_around, region_of
 from shipland.vision.parameters import VisionParameters
 
 _ENLARGED = 3
@@ -98,8 +98,11 @@ def stroke_polygons(
         enlarged = np.asarray(
             cv2.resize(cut.of(image), None, fx=_ENLARGED, fy=_ENLARGED, interpolation=cv2.INTER_CUBIC), np.uint8
         )
-        for region in find_regions(enlarged, Window.whole(enlarged), parameters, hue, len(plane_m)):
-            quad = None if region.cut else quad_around(region, _ENLARGED * parameters.min_side_px)
+        whole = Window.whole(enlarged)
+        lit = outlines(cv2.inRange(cue_light(enlarged, whole, hue), FLOOR, 254), (0, 0), parameters)[: len(plane_m)]
+        regions = find_regions(enlarged, whole, parameters, hue, len(plane_m))
+        for region in (*regions, *(region_of(contour, enlarged, parameters) for contour in lit)):
+            quad = None if region is None or region.cut else quad_around(region, _ENLARGED * parameters.min_side_px)
             if quad is not None:
                 quad_px = (quad + 0.5) / _ENLARGED - 0.5 + [cut.left, cut.top]
                 found += [hull.polygon_px(quad_px) for hull in hulls]
