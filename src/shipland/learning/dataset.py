@@ -8,7 +8,7 @@ an error. `classes.txt` or `data.yaml` names the classes.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -72,12 +72,6 @@ class Dataset:
     folder: Path
     classes: tuple[str, ...]
     samples: tuple[Sample, ...]
-
-    def check_pictures(self) -> Iterator[Path]:
-        """Decode every picture, one a step; DataError names the first broken one."""
-        for sample in self.samples:
-            read_picture(sample.path)
-            yield sample.path
 
 
 def read_dataset(folder: Path, classes: Sequence[str] | None = None) -> Dataset:
