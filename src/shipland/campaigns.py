@@ -23,6 +23,7 @@ from shipland.evaluation.campaign import (
     OpenCampaign,
     open_campaign,
     processes,
+    read_cells,
     rows_of,
     write_rows,
 )
@@ -314,7 +315,6 @@ def _fly(
 
 def _write(found: Campaign, plan: CampaignPlan, folder: Path, oracle_motions: int) -> None:
     """Tables and pictures beside the rows."""
-    from shipland.evaluation.campaign import read_cells
     from shipland.report.landing_plots import write_campaign
 
     write_rows(folder / "flights.csv", read_cells([folder]))

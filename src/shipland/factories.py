@@ -21,24 +21,13 @@ from shipland.errors import ConfigError
 
 Factory = Callable[..., Any]
 
+_PILOTS = (
+    *("horizon", "paper", "p", "pid", "residual", "learned"),
+    *("deck_following", "image_servoing", "spectral_mpc", "velocity_matching"),
+)
 PACKAGED: dict[str, dict[str, str]] = {
-    "pilots": {
-        "deck_following": "shipland.guidance.pilot:deck_following",
-        "horizon": "shipland.guidance.pilot:horizon",
-        "image_servoing": "shipland.guidance.pilot:image_servoing",
-        "learned": "shipland.guidance.pilot:learned",
-        "p": "shipland.guidance.pilot:p",
-        "paper": "shipland.guidance.pilot:paper",
-        "pid": "shipland.guidance.pilot:pid",
-        "residual": "shipland.guidance.pilot:residual",
-        "spectral_mpc": "shipland.guidance.pilot:spectral_mpc",
-        "velocity_matching": "shipland.guidance.pilot:velocity_matching",
-    },
-    "visions": {
-        "geometric": "shipland.scenario.visions:geometric",
-        "published": "shipland.scenario.visions:published",
-        "rendered": "shipland.scenario.visions:rendered",
-    },
+    "pilots": {name: f"shipland.guidance.pilot:{name}" for name in _PILOTS},
+    "visions": {name: f"shipland.scenario.visions:{name}" for name in ("geometric", "published", "rendered")},
     "vehicles": {
         "anafi": "shipland.vehicles.anafi.vehicle:anafi",
         "mavlink": "shipland.vehicles.mavlink.vehicle:mavlink",

@@ -92,13 +92,13 @@ def run_jobs(
                         raise
                     lose(job, str(error))
                     hired.remove(worker)
-                    following = next(waiting, None)
-                    if following is not None:
-                        hired.append(_hire(do, following))
+                    hired.extend(_hire(do, another) for another in itertools.islice(waiting, 1))
                     continue
                 deaths = 0
                 (keep if good else lose)(job, done)
-                _next_job(worker, waiting)
+                worker.job = next(waiting, None)
+                if worker.job is not None:
+                    _send(worker, _pickled(worker.job))
                 if good:
                     yield job, done
     finally:
@@ -134,12 +134,6 @@ def _hire(do: Callable[[Any], Any], job: Job) -> _Worker[Job]:
     for data in sent:
         _send(worker, data)
     return worker
-
-
-def _next_job(worker: _Worker[Job], waiting: Iterator[Job]) -> None:
-    worker.job = next(waiting, None)
-    if worker.job is not None:
-        _send(worker, _pickled(worker.job))
 
 
 def _pickled(work: object) -> bytes:

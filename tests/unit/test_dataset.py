@@ -89,7 +89,7 @@ def test_truncated_picture_is_named(folder, keep):
     path = folder / "images" / "p2.jpg"
     path.write_bytes(path.read_bytes()[:keep])
     with pytest.raises(DataError, match=r"p2\.jpg is not a whole picture"):
-        list(read_dataset(folder).check_pictures())
+        [sample.load() for sample in read_dataset(folder).samples]
 
 
 def test_empty_folder_and_missing_folder(tmp_path):

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from shipland.commands.options import Changes
+from shipland.commands.options import ScenarioOptions
 from shipland.errors import ConfigError
 
 
 @dataclass(frozen=True)
-class Config:
+class Config(ScenarioOptions):
     """Print the merged configuration of a scenario, as TOML that can be flown: value, unit, meaning, source.
 
     Above each value stand what it means, its unit, the packaged default where that is another, the file that gives it
@@ -26,10 +25,6 @@ class Config:
     """Packaged scenario (see `shipland scenarios`), or the path of a TOML file laid over the defaults."""
     key: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[KEY]")] = ""
     """Print only keys that begin with this, as `wind` or `guidance.horizon.path`."""
-    config: Path | None = None
-    """TOML file laid over the scenario, any section of the configuration."""
-    changes: Changes = ()
-    """One value laid over all, as `--set wind.mean_mps=5`; may be given again and again."""
     changed: bool = False
     """Print only keys whose value is not the packaged default."""
 

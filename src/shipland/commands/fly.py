@@ -92,14 +92,17 @@ class Fly(ScenarioOptions):
         with ExitStack() as stack:
             live = self._live(scenario, vehicle, terminal, stack) if self.live else None
             progress = stack.enter_context(ProgressLine(terminal, vehicle))
-            clock = RealTime() if live is not None and vehicle is None else None
+            started_s: float | None = None
 
             def on_cycle(record: FlightRecord) -> None:
+                nonlocal started_s
                 progress.show(record)
-                if live is not None:
-                    live.append(record)
-                if clock is not None:
-                    clock.keep(record.telemetry.t_s)
+                if live is None:
+                    return
+                live.append(record)
+                if vehicle is None:  # the simulator must not run ahead of the clock
+                    started_s = time.monotonic() - record.telemetry.t_s if started_s is None else started_s
+                    time.sleep(max(0.0, started_s + record.telemetry.t_s - time.monotonic()))
 
             flight = fly(
                 scenario,
@@ -203,28 +206,10 @@ def _report(terminal: Terminal, command: Fly, flight: Flight) -> None:
         terminal.say(f"{terminal.lost} lines were not shown: the terminal stood still")
     names = ", ".join(sorted(path.name for path in command.out.iterdir() if path.is_file()))
     terminal.say(f"{command.out}: {names or 'nothing could be written'}")
-    terminal.say(*lacking_outputs(command.video))
-
-
-def lacking_outputs(video: bool) -> list[str]:
-    """A line for each file that another installation would leave, or leave better."""
-    lines = [] if installed("plots") else ["no plots.png: pip install 'shipland[plots]'"]
-    if video and not installed("film"):
-        lines.append("flight.mp4 is MPEG-4, which browsers do not play; H.264: pip install 'shipland[film]'")
-    return lines
-
-
-class RealTime:
-    """Keeps a simulated flight from running ahead of the clock."""
-
-    def __init__(self) -> None:
-        self._begun: tuple[float, float] | None = None
-
-    def keep(self, t_s: float) -> None:
-        """Wait until the clock has come as far as the flight's time."""
-        if self._begun is None:
-            self._begun = t_s, time.monotonic()
-        time.sleep(max(0.0, self._begun[1] + t_s - self._begun[0] - time.monotonic()))
+    if not installed("plots"):
+        terminal.say("no plots.png: pip install 'shipland[plots]'")
+    if command.video and not installed("film"):
+        terminal.say("flight.mp4 is MPEG-4, which browsers do not play; H.264: pip install 'shipland[film]'")
 
 
 class ProgressLine:

@@ -58,13 +58,14 @@ class See(PictureOptions):
     def run(self) -> int:
         """Look at every picture and say what is in it."""
         from shipland.errors import DataError
+        from shipland.record.reader import read_log
         from shipland.report.drawings import draw_observation
         from shipland.scenario.scenario import load_scenario
         from shipland.vision.near.files import COLUMNS, see_paths
-        from shipland.vision.pictures import is_film
+        from shipland.vision.pictures import is_film, is_log
 
         scenario = load_scenario(self.config or {})
-        logs = self._logs()
+        logs = {path: read_log(path) for path in self.paths if is_log(path)}
         cue, (camera, whose) = self._cue(scenario.rig.cue, logs), self._camera(scenario.camera, logs)
         attitudes, known = self._attitudes(logs), dict[Path, list[bool]]()
         with Results(self, COLUMNS, lambda it: draw_observation(it.picture.image, it.observation)) as results:
@@ -85,13 +86,6 @@ class See(PictureOptions):
                     where = f"{attitudes[film].words} on the film's clock (--attitude-start-s)"
                     results.broken(film, DataError(f"{film}: {without} {where}"))
         return results.exit_code
-
-    def _logs(self) -> dict[Path, FlightLog]:
-        """The flight logs among the paths."""
-        from shipland.record.reader import read_log
-        from shipland.vision.pictures import is_log
-
-        return {path: read_log(path) for path in self.paths if is_log(path)}
 
     def _cue(self, configured: Cue, logs: Mapping[Path, FlightLog]) -> Cue:
         """The cue that is looked for."""

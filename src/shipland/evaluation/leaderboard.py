@@ -167,8 +167,13 @@ def pairings_table(found: Pairings) -> Iterator[str]:
     numbers = "seeds | only the first | only the second | McNemar p | error median, first less second [cm] |"
     yield f"| {' | '.join(head)} | {numbers}"
     yield f"|{'---|' * len(head)}---:|---:|---:|---:|---:|"
-    for names, pairing in found.items():
-        yield f"| {' | '.join(names)} | {_pairing(pairing)} |"
+    for names, it in found.items():
+        difference = "–"
+        if np.isfinite(it.error_difference_m):
+            low, high = (100.0 * value for value in it.error_interval_m)
+            difference = f"{100.0 * it.error_difference_m:.1f} ({low:.1f} … {high:.1f})".replace("nan", "–")
+        counts = f"{it.flights} | {it.only_first} | {it.only_second} | {it.p_value:.2g}"
+        yield f"| {' | '.join(names)} | {counts} | {difference} |"
 
 
 def pairs(cells: Sequence[CellResult]) -> Iterator[str]:
@@ -184,14 +189,6 @@ def rivals(cells: Sequence[CellResult]) -> Iterator[str]:
     for cell in cells:
         counts = [str(sum(map(rule, cell.landings))) for rule in rules(cell.rig).values()]
         yield " | ".join([f"| {cell.group}", cell.pilot, str(len(cell.landings)), *counts]) + " |"
-
-
-def _pairing(found: Pairing) -> str:
-    difference = "–"
-    if np.isfinite(found.error_difference_m):
-        low, high = (100.0 * value for value in found.error_interval_m)
-        difference = f"{100.0 * found.error_difference_m:.1f} ({low:.1f} … {high:.1f})".replace("nan", "–")
-    return f"{found.flights} | {found.only_first} | {found.only_second} | {found.p_value:.2g} | {difference}"
 
 
 def oracle_rates_of(cells: Sequence[CellResult], motions: int, cache: Path | None = None) -> dict[str, OracleRate]:

@@ -205,18 +205,14 @@ def replay(recording: Recording, on_cycle: Callable[[FlightRecord], object] = la
     wants_pictures = needs_pictures(factories.resolve("visions", recording.vision))
     autonomy = build_autonomy(recording.scenario, recording.vehicle, recording.pilot, recording.vision, recording.seed)
     rows, pairs = {record.frame.t_s: record for record in recording.records}, []
-    for after in _again(recording, autonomy) if rows else _anew(recording, autonomy):
+    nobody_flew = (cycle.record for cycle in cycles(recording.vehicle, autonomy, time.perf_counter))
+    for after in _again(recording, autonomy) if rows else nobody_flew:
         if wants_pictures and after.frame.image is None:
             raise DataError(f"the log holds no pictures, which {recording.vision} wants; try --vision geometric")
         on_cycle(after)
         kept = replace(after, frame=replace(after.frame, image=None))
         pairs.append(_pair(rows.get(after.frame.t_s), kept))
     return pairs
-
-
-def _anew(recording: Recording, autonomy: Autonomy) -> Iterator[FlightRecord]:
-    """Frames that nobody flew on: the loop as it is."""
-    return (cycle.record for cycle in cycles(recording.vehicle, autonomy, time.perf_counter))
 
 
 def _again(recording: Recording, autonomy: Autonomy) -> Iterator[FlightRecord]:

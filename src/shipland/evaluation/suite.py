@@ -178,14 +178,11 @@ def cells_of(entries: Sequence[SuiteEntry], asked: Overrides) -> list[Cell]:
                     other = found.setdefault(cell.name, cell)
                     if (other.scenario, other.pilot) != (cell.scenario, cell.pilot):
                         raise ConfigError(f"two cells are called {cell.name} and differ; rename scenario or pilot")
-    chosen_cells = [it for it in found.values() if _wanted(it.group, asked.only)]
-    if not chosen_cells:
+    patterns = asked.only or ("*",)
+    chosen = [it for it in found.values() if any(fnmatch.fnmatchcase(it.group, each) for each in patterns)]
+    if not chosen:
         raise ConfigError(f"no cell is called {' or '.join(asked.only)}; see `shipland suites SUITE`")
-    return chosen_cells
-
-
-def _wanted(group: str, patterns: Sequence[str]) -> bool:
-    return not patterns or any(fnmatch.fnmatchcase(group, pattern) for pattern in patterns)
+    return chosen
 
 
 def combinations(changes: Sequence[str]) -> list[tuple[tuple[str, str], ...]]:

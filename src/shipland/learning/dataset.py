@@ -8,7 +8,7 @@ an error. `classes.txt` or `data.yaml` names the classes.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -72,12 +72,6 @@ class Dataset:
     folder: Path
     classes: tuple[str, ...]
     samples: tuple[Sample, ...]
-
-    def check_pictures(self) -> Iterator[Path]:
-        """Decode every picture, one a step; DataError names the first broken one."""
-        for sample in self.samples:
-            read_picture(sample.path)
-            yield sample.path
 
 
 def read_dataset(folder: Path, classes: Sequence[str] | None = None) -> Dataset:
@@ -186,7 +180,9 @@ def read_label(path: Path, picture: Path, class_count: int) -> Targets:
                     f"{where}: {len(row)} numbers with one of {max(row[1:], key=abs):g}, expected fractions of the "
                     "picture (0 … 1) as a polygon has them; labels with keypoints are not read"
                 )
-            row = [row[0], *_box_around(np.clip(np.array(row[1:]).reshape(-1, 2), 0.0, 1.0))]
+            points = np.clip(np.array(row[1:]).reshape(-1, 2), 0.0, 1.0)
+            start, end = points.min(axis=0), points.max(axis=0)
+            row = [row[0], *(0.5 * (start + end)).tolist(), *(end - start).tolist()]
         if len(row) != 5 or not np.isfinite(row).all():
             raise DataError(
                 f"{where}: expected 'class centre_x centre_y width height' or a polygon, got {line.strip()[:80]!r}"
@@ -201,12 +197,6 @@ def read_label(path: Path, picture: Path, class_count: int) -> Targets:
             raise DataError(f"{where}: box reaches outside the picture ({low:.4f} … {high:.4f}, expected 0 … 1)")
         rows.append(row)
     return np.array(rows, dtype=np.float32).reshape(-1, 5)
-
-
-def _box_around(points: npt.NDArray[np.float64]) -> list[float]:
-    """Centre and size of the upright box of (n,2) points."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    return [*(0.5 * (low + high)).tolist(), *(high - low).tolist()]
 
 
 def coco_table(dataset: Dataset) -> dict[str, Any]:

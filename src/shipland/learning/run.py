@@ -18,6 +18,7 @@ from torch import Tensor
 from shipland.errors import DataError
 from shipland.learning.checkpoint import Progress, optimizer_tensors, prefixed, save_checkpoint
 from shipland.learning.dataset import Dataset, Targets
+from shipland.learning.looks import LEAST_CONFIDENCE
 from shipland.learning.loss import detection_loss
 from shipland.learning.metrics import Tally
 from shipland.learning.network import Network
@@ -32,7 +33,6 @@ Floats = npt.NDArray[np.float64]
 LAST, BEST = "last.safetensors", "best.safetensors"
 LOSS_EVERY = 10
 """Steps between points of the loss's curve."""
-LEAST_CONFIDENCE = 0.05
 MAX_IOU = 0.45
 LOOK_PIXELS = 8 * 1280 * 736
 """How many pixels are looked at in one batch."""

@@ -12,8 +12,7 @@ import numpy.typing as npt
 from shipland.config import key, parameters, require
 from shipland.sim.scene.tone import Light16, develop, encoded, sharpen
 from shipland.sim.scene_parameters import Tone
-
-Picture = npt.NDArray[np.uint8]
+from shipland.vision.pictures import Picture
 
 
 @parameters

@@ -18,7 +18,6 @@ from typing import TypeVar
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from shipland.camera import Camera
 from shipland.config import build
@@ -35,10 +34,10 @@ from shipland.rig import Rig
 from shipland.sim.scene.scene import Scene
 from shipland.sim.state import NearestBox, target_box
 from shipland.vision.parameters import learning_table
+from shipland.vision.pictures import Picture
 from shipland.workers import run_jobs
 
 T = TypeVar("T")
-Picture = npt.NDArray[np.uint8]
 DEFAULT_COUNTS = {"ship": 2000, "bar": 1000}  # [Lee2022, §Machine Learning Based Approach]
 FRAME_S = 0.1
 

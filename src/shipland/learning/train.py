@@ -28,6 +28,7 @@ from shipland.learning.checkpoint import (
     with_prefix,
 )
 from shipland.learning.dataset import Dataset, read_dataset
+from shipland.learning.export import read_onnx
 from shipland.learning.loss import Anchors, fit_anchors
 from shipland.learning.network import Network, load_weights
 from shipland.learning.results import CURVES, DETECTOR, Trained, plot_curves, write_results
@@ -39,6 +40,7 @@ from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, read_weights, yolov3_
 from shipland.progress import followed
 from shipland.vision.far.decode import Decoding, DetectorSpec
 from shipland.vision.far.detector import weights_path
+from shipland.vision.pictures import read_picture
 
 AVERAGE = "average.safetensors"
 """The weights alone, for `--weights`."""
@@ -67,8 +69,8 @@ def train(arguments: TrainArguments) -> Trained:
     run = _start(arguments, parameters, fitting)
     windows = _windows(arguments, parameters, fitting, run.device)
     if not isinstance(windows, ResidentWindows):
-        for _ in followed(dataset.check_pictures(), "checking pictures", len(dataset.samples)):
-            pass
+        for sample in followed(dataset.samples, "checking pictures", len(dataset.samples)):
+            read_picture(sample.path)  # better now than in the middle of the run
     work = steps(run, parameters, windows, (fitting, held_out), arguments.out, arguments.seed, arguments.minutes)
     share = partial(through, run.progress, parameters, arguments.minutes)
     try:
@@ -192,8 +194,6 @@ def _initial(path: Path, spec: DetectorSpec) -> tuple[dict[str, Tensor], Detecto
             raise DataError(f"{path}: Darknet's weights need decoding = 'darknet' in [train]")
         load_weights(network, read_weights(path, network.layers))
     elif path.suffix == ".onnx":
-        from shipland.learning.export import read_onnx
-
         weights, other = read_onnx(path, network.layers)
         load_weights(network, weights)
     else:

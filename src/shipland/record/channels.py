@@ -4,19 +4,7 @@ Log times are exposure times (vehicle time, from 0 for the simulator): no wall c
 bytes. Viewers want a z-up root: frame `world` is `mujoco` of `frames` (north, west, up); `ned` hangs below it by the
 one fixed turn of `frames.MUJOCO_FROM_NED`, everything else below `ned` with the axes of the frame table.
 
-| topic               | schema                     | when                                                      |
-|---------------------|----------------------------|-----------------------------------------------------------|
-| /header             | JSON, `LogHeader`          | once                                                      |
-| /flight             | JSON, `FlightRecord` row   | every cycle                                               |
-| /verdict            | JSON, `TouchdownVerdict`   | at the end, when there was a touchdown                    |
-| /tf                 | foxglove.FrameTransforms   | every cycle                                               |
-| /pose/aircraft      | foxglove.PoseInFrame       | the pilot's estimate, stamped with its own time; in `bar` |
-| /pose/camera        | foxglove.PoseInFrame       | when the vision has a pose; in `bar`                      |
-| /camera/image       | foxglove.CompressedImage   | at the configured rate, JPEG                              |
-| /camera/calibration | foxglove.CameraCalibration | with each picture                                         |
-| /camera/annotations | foxglove.ImageAnnotations  | with each picture: corners and boxes                      |
-| /scene              | foxglove.SceneUpdate       | once: platform, deck, bar, aircraft                       |
-| /log                | foxglove.Log               | when the mode changes, with the reason; why it ended      |
+Which topics there are, and when each comes: docs/reference/outputs.md, The log.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -64,20 +64,18 @@ def derive(record: FlightRecord, rig: Rig) -> Derived:
     if decision.estimate is not None:
         estimate_t_s, estimate_yaw_rad = decision.estimate.t_s, decision.estimate.yaw_rad
         estimate_in_pad_m = _UP * (decision.estimate.aircraft_in_bar_m - rig.deck_in_bar_m)
+    known = Derived(
+        mode_number, estimate_t_s, estimate_in_pad_m, estimate_yaw_rad, nothing, math.nan, math.nan, nothing, math.nan,
+        nothing, nothing, nothing, math.nan,
+    )  # fmt: skip
     if truth is None:
-        return Derived(
-            mode_number, estimate_t_s, estimate_in_pad_m, estimate_yaw_rad, nothing, math.nan, math.nan, nothing,
-            math.nan, nothing, nothing, nothing, math.nan,
-        )  # fmt: skip
+        return known
     bar_from_ned = truth.ned_from_bar.inverse()
     ship_from_deck = truth.ned_from_ship.inverse() @ truth.ned_from_deck
     deck_from_body = truth.ned_from_deck.inverse() @ truth.ned_from_body
     error_m, error_yaw_rad = _vision_error(pose, truth)
-    return Derived(
-        mode_number=mode_number,
-        estimate_t_s=estimate_t_s,
-        estimate_in_pad_m=estimate_in_pad_m,
-        estimate_yaw_rad=estimate_yaw_rad,
+    return replace(
+        known,
         truth_in_pad_m=_UP * (truth.aircraft_in_bar_m - rig.deck_in_bar_m),
         truth_yaw_rad=euler_from_rotation(bar_from_ned.rotation @ truth.ned_from_body.rotation)[2],
         truth_tilt_rad=math.acos(min(1.0, max(-1.0, float(truth.ned_from_body.rotation[2, 2])))),

@@ -71,13 +71,9 @@ class LiveView(AbstractContextManager["LiveView"]):
             if self._listener.came.is_set():
                 time.sleep(_LAST_S)
 
-    def close(self) -> None:
-        """Let go of the viewers."""
+    def __exit__(self, *_: object) -> None:
         self._aside.close(_CLOSING_S)
         self._server.stop()
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _show(self, record: FlightRecord) -> None:
         if self._listener.newcomer.is_set() and self._channels.started:

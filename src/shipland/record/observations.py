@@ -38,14 +38,11 @@ _PARTS = {
 """Names of each entry's numbers, and their largest magnitudes."""
 _AGED = ("picture", "pose", "bar_box", "ship_box", "attitude", "heading", "height", "velocity")
 
-
-def _bounds() -> dict[str, tuple[list[float], list[float]]]:
-    bounds = {name: ([-value for value in high], high) for name, (_, high) in _PARTS.items()}
-    return bounds | {f"{name}_age": ([0.0], [OLDEST_S]) for name in _AGED} | {"flying": ([0.0], [1.0])}
-
+_BOUNDS = {name: ([-value for value in high], high) for name, (_, high) in _PARTS.items()}
+_BOUNDS |= {f"{name}_age": ([0.0], [OLDEST_S]) for name in _AGED} | {"flying": ([0.0], [1.0])}
 
 BOUNDS = {
-    name: (np.array(low, np.float32), np.array(high, np.float32)) for name, (low, high) in sorted(_bounds().items())
+    name: (np.array(low, np.float32), np.array(high, np.float32)) for name, (low, high) in sorted(_BOUNDS.items())
 }
 """Lowest and highest values of each entry, in the order of the alphabet."""
 

@@ -1,7 +1,5 @@
 """The flight log as MCAP in Foxglove's schemas, readable by that ecosystem's viewers and by `record.reader`.
 
-What it holds: `channels`.
-
 Each second of flight what was written goes to the disk: a process that is killed leaves all but its last second.
 """
 

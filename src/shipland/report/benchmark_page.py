@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from shipland.evaluation.tables import pair_up
 from shipland.evaluation.tally import Tally
 from shipland.evaluation.verify import read_receipt
 from shipland.report.campaign_page import campaign_page
-from shipland.report.pages import html_of_table
+from shipland.report.pages import html_table
 
 
 def entries_of(bundles: Sequence[Bundle]) -> list[CellResult]:
@@ -46,13 +46,12 @@ def benchmark_page(
     command = " ".join(["shipland report", *(bundle.path.name for bundle in bundles)])
     about = read_about(bundles[0].folder) | {"command": command}
     page = campaign_page(cells, about, oracle_rates, folder)
-    tables = f"<h2>Entries</h2>{html_of_table(_entries(bundles))}<h2>All flights in pairs with the first</h2>"
-    return page.replace("<h2>Pilots</h2>", f"{tables}{html_of_table(standings(cells))}<h2>Pilots</h2>", 1)
+    tables = f"<h2>Entries</h2>{_entries(bundles)}<h2>All flights in pairs with the first</h2>{standings(cells)}"
+    return page.replace("<h2>Pilots</h2>", f"{tables}<h2>Pilots</h2>", 1)
 
 
-def _entries(bundles: Sequence[Bundle]) -> Iterator[str]:
-    yield "| entry | pilots | code | own code | flown again | seeds |"
-    yield "|---|---|---|---|---|---|"
+def _entries(bundles: Sequence[Bundle]) -> str:
+    rows = []
     for bundle in bundles:
         about, receipt = bundle.about, read_receipt(bundle)
         pilots = ", ".join(dict.fromkeys(cell.pilot for cell in bundle.cells))
@@ -60,22 +59,22 @@ def _entries(bundles: Sequence[Bundle]) -> Iterator[str]:
         seeds = f"sealed by {about['salt']}" if about["salt"] else f"1 … {about['runs']}"
         own = ", ".join(sorted(set(about["own_code"].values()))) or "–"
         code = f"{about['version']} ({about['source']})"
-        yield f"| {bundle.title} | {pilots} | {code} | {own} | {again} | {seeds} |"
+        rows.append([bundle.title, pilots, code, own, again, seeds])
+    return html_table(["entry", "pilots", "code", "own code", "flown again", "seeds"], rows, first_number=6)
 
 
-def standings(cells: Sequence[CellResult]) -> Iterator[str]:
-    """Markdown, a line an entry: its share over all cells, and McNemar's test against the first on the same flights."""
+def standings(cells: Sequence[CellResult]) -> str:
+    """A row an entry: its share over all cells, and McNemar's test against the first on the same flights."""
     entries = list(dict.fromkeys(cell.pilot for cell in cells))
     by_entry = {
         entry: {(cell.group, it.seed): it for cell in cells if cell.pilot == entry for it in cell.landings}
         for entry in entries
     }
-    yield "| entry | flights | landed | 95 % interval | only the first | only this | McNemar p |"
-    yield "|---|---:|---:|---:|---:|---:|---:|"
-    first = by_entry[entries[0]]
+    first, rows = by_entry[entries[0]], []
     for entry, flown in by_entry.items():
         tally, found = Tally.of(flown.values()), pair_up(first, flown, np.random.default_rng(1))
-        tested = (
-            "– | – | –" if entry == entries[0] else f"{found.only_first} | {found.only_second} | {found.p_value:.2g}"
-        )
-        yield f"| {entry} | {tally.flights} | {tally.share_text()} | {tally.interval_text()} | {tested} |"
+        tested = [f"{found.only_first}", f"{found.only_second}", f"{found.p_value:.2g}"]
+        counts = [f"{tally.flights}", tally.share_text(), tally.interval_text()]
+        rows.append([entry, *counts, *(["–"] * 3 if entry == entries[0] else tested)])
+    head = ["entry", "flights", "landed", "95 % interval", "only the first", "only this", "McNemar p"]
+    return html_table(head, rows, first_number=7)

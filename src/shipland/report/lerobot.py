@@ -22,6 +22,7 @@ from shipland.extras import require
 from shipland.files import json_bytes, write_atomically
 from shipland.record.observations import Observer, flat_names
 from shipland.record.reader import read_log
+from shipland.report.palette import STICK_NAMES
 from shipland.report.posed_pictures import pictures_of
 from shipland.report.video import VideoParameters, VideoWriter
 
@@ -33,7 +34,6 @@ _KEY_FRAMES = 2
 _EVERY_PICTURE, _EVERY_PIXEL = 10, 8
 """What the pictures' statistics are of."""
 _QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
-_STICKS = ["pitch", "roll", "heave", "yaw"]
 
 Columns = dict[str, npt.NDArray[Any]]
 
@@ -213,7 +213,7 @@ def _feature(name: str, values: npt.NDArray[Any], shape: tuple[int, int, int], f
         info = {"codec": "h264", "pix_fmt": "yuv420p", "height": shape[0], "width": shape[1], "channels": 3, "fps": fps}
         about = {f"video.{word}": value for word, value in info.items()} | {"has_audio": False, "is_depth_map": False}
         return {"dtype": "video", "shape": shape, "names": ["height", "width", "channels"], "info": about}
-    names = {"observation.state": flat_names(), "action": _STICKS}.get(name)
+    names = {"observation.state": flat_names(), "action": list(STICK_NAMES)}.get(name)
     return {"dtype": str(values.dtype), "shape": [len(names) if names else 1], "names": names}
 
 

@@ -55,9 +55,6 @@ class Recorder(AbstractContextManager["Recorder"]):
     A context manager: a flight that is broken off leaves a closed log and video, plots and figures too.
     """
 
-    folder: Path
-    problems: list[str]
-
     def __init__(
         self,
         folder: Path,
@@ -75,7 +72,8 @@ class Recorder(AbstractContextManager["Recorder"]):
         With `aside` the flight does not wait for a slow disk or encoder: a thread writes, and where it falls far behind
         pictures are left out, then rows, which `problems` says. DataError where folder or log cannot be written.
         """
-        self.folder, self.problems = folder, []
+        self.folder = folder
+        self.problems: list[str] = []
         self._finished = self._log_failed = False
         self._flown: FlightLog | None = None
         self._parameters = parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import zip_longest
 
 from shipland.report.palette import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, Rgb
@@ -95,7 +95,7 @@ class Points:
 
     series: int
     good: bool
-    places: Sequence[tuple[float, float]] = field(default_factory=tuple)
+    places: Sequence[tuple[float, float]]
     flights: Sequence[int] = ()
 
 

@@ -191,7 +191,6 @@ class _H264:
         self._empty = True
 
     def write(self, image: Image, t_s: float) -> None:
-        """See `VideoWriter`."""
         import av
 
         yuv = cv2.cvtColor(image, cv2.COLOR_BGR2YUV_I420)
@@ -200,7 +199,6 @@ class _H264:
         self._container.mux(self._stream.encode(frame))
 
     def close(self) -> None:
-        """See `VideoWriter`."""
         try:
             if not self._empty:
                 self._container.mux(self._stream.encode())
@@ -218,11 +216,9 @@ class _Mpeg4:
             raise DataError(f"video {path} cannot be written: OpenCV has no encoder for it")
 
     def write(self, image: Image, t_s: float) -> None:  # noqa: ARG002
-        """See `VideoWriter`."""
         self._writer.write(image)
 
     def close(self) -> None:
-        """See `VideoWriter`."""
         self._writer.release()
 
 
