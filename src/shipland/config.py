@@ -24,7 +24,6 @@ from pydantic.fields import FieldInfo
 
 from shipland.errors import ConfigError
 from shipland.files import MOST_LEVELS, refuse_deep
-from shipland.former import FORMER, GONE
 
 T = TypeVar("T")
 Table = dict[str, Any]
@@ -353,6 +352,8 @@ _EXPECTED = {
 
 def unknown_key(name: str, known: Iterable[str], where: str) -> str:
     """What to say of a key that is not known: its name of today, what is there instead, or the nearest."""
+    from shipland.former import FORMER, GONE
+
     known = list(known)
     if FORMER.get(name) in known:
         return f"{where}: {name!r} is called {FORMER[name]!r} now"
