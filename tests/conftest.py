@@ -148,6 +148,12 @@ def rng() -> np.random.Generator:
 
 
 @pytest.fixture
+def without_plots(monkeypatch):
+    """A flight's folder gets no figures, which take longer than a short flight: others look at them."""
+    monkeypatch.setattr("shipland.report.outputs.installed", lambda _: False)
+
+
+@pytest.fixture
 def unarranged(monkeypatch):
     """Figures are drawn without arranging their parts, which takes as long as drawing: others arrange the same."""
     monkeypatch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda *_: None)

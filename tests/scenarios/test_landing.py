@@ -51,9 +51,8 @@ def test_wind_of_the_near_scenario_spreads():
     assert 0.0 <= min(speeds) < 1.5 < 3.5 < max(speeds) <= 5.0
 
 
-def test_the_same_seed_draws_the_same_log(tmp_path, monkeypatch):
+def test_the_same_seed_draws_the_same_log(without_plots, tmp_path):
     """Of a geometric camera: test_again."""
-    monkeypatch.setattr("shipland.report.outputs.installed", lambda _: False)  # no plots
     config = tmp_path / "short.toml"
     config.write_text("time_limit_s = 0.5\n")
     for name in ("one", "two"):
@@ -69,30 +68,29 @@ def test_geometric_camera_errs_as_the_rendered_one():
         for distance_m in (3.0, 8.0)
     ]
     errors = {(scenario, name): [] for scenario in range(2) for name in ("rendered", "geometric")}
-    for seed in (1, 2):
-        scene = build_scene(hovers[0], seed)  # its sea and light do not depend on the start
-        for number, scenario in enumerate(hovers):
-            vehicle = build_vehicle(scenario, seed, scene)
-            target, camera = scenario.rig.cue, vehicle.camera
-            rng = np.random.default_rng(seed)
-            eyes = {
-                "rendered": NearVision(target, camera, scenario.vision),
-                "geometric": GeometricVision(vehicle, target, camera, scenario.geometric, scenario.vision, rng),
-            }
-            vehicle.open()
-            try:
-                for _ in range(6):
-                    frame, telemetry = vehicle.read()
-                    truth = vehicle.truth_at(frame.t_s)
-                    camera_in_bar_m = truth.ned_from_bar.inverse().apply(truth.ned_from_camera.translation_m)
-                    for name, each in eyes.items():
-                        pose = each.see(frame).bar_pose
-                        assert pose is not None, (name, number, seed)
-                        errors[number, name].append(pose.position_in_bar_m - camera_in_bar_m)
-                    vehicle.send(PilotCommand.hold(telemetry.t_s + 0.2, 0.0))
-            finally:
-                vehicle.close()
-        scene.close()
+    scene = build_scene(hovers[0], 1)  # its sea and light do not depend on the start
+    for number, scenario in enumerate(hovers):
+        vehicle = build_vehicle(scenario, 1, scene)
+        target, camera = scenario.rig.cue, vehicle.camera
+        rng = np.random.default_rng(1)
+        eyes = {
+            "rendered": NearVision(target, camera, scenario.vision),
+            "geometric": GeometricVision(vehicle, target, camera, scenario.geometric, scenario.vision, rng),
+        }
+        vehicle.open()
+        try:
+            for _ in range(6):
+                frame, telemetry = vehicle.read()
+                truth = vehicle.truth_at(frame.t_s)
+                camera_in_bar_m = truth.ned_from_bar.inverse().apply(truth.ned_from_camera.translation_m)
+                for name, each in eyes.items():
+                    pose = each.see(frame).bar_pose
+                    assert pose is not None, (name, number)
+                    errors[number, name].append(pose.position_in_bar_m - camera_in_bar_m)
+                vehicle.send(PilotCommand.hold(telemetry.t_s + 0.2, 0.0))
+        finally:
+            vehicle.close()
+    scene.close()
     for number in range(2):
         rendered, geometric = (np.sqrt(np.mean(np.square(errors[number, name]))) for name in ("rendered", "geometric"))
         # At 3 m the rendered camera's error is a bias of 5 mm in range, left over from the edges' growth: not modelled.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -26,13 +27,17 @@ from shipland.messages import (
     Telemetry,
     TouchdownVerdict,
 )
-from shipland.record.info import FlightInfo
+from shipland.record.channels import LogParameters
+from shipland.record.info import FORMAT_VERSION, FlightInfo, LogHeader
+from shipland.record.reader import FlightLog
+from shipland.record.writer import LogWriter
 from shipland.rig import Rig
 
 RIG: Rig = Rig()
 CAMERA = Camera.from_fov(1280, 720, 69.0)
 INFO = FlightInfo("made-up", 7, "paper", "0.1.0", "0123456789abcdef", 0.24)
 CAMERA_IN_BODY_M = np.array([0.09, 0.0, 0.0])
+LOG = LogParameters()
 TOUCHDOWN_S = 34.0
 DECK_TO_BODY_M = 0.06
 
@@ -190,3 +195,24 @@ VERDICT = TouchdownVerdict(
     peak_contact_force_n=21.0,
     reason="landed in the square, 5 cm from its centre",
 )
+
+
+def log_of(records: Iterable[FlightRecord], verdict: TouchdownVerdict | None = VERDICT) -> FlightLog:
+    """Rows as a log that was read, without a file."""
+    return FlightLog(LogHeader(FORMAT_VERSION, INFO, RIG, CAMERA), tuple(records), verdict, complete=True)
+
+
+def write_log(
+    path: Path,
+    records: Iterable[FlightRecord],
+    verdict: TouchdownVerdict | None = VERDICT,
+    parameters: LogParameters = LOG,
+    info: FlightInfo = INFO,
+    camera: Camera = CAMERA,
+) -> Path:
+    """A log file of rows; the path."""
+    with LogWriter(path, info, RIG, camera, parameters) as writer:
+        for record in records:
+            writer.append(record)
+        writer.finish(verdict)
+    return path

@@ -5,15 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from made_up_flight import CAMERA, INFO, RIG, VERDICT, flight
+from made_up_flight import INFO, flight, write_log
 
 from shipland.api import fly
 from shipland.commands.again import Again
 from shipland.errors import ConfigError, DataError
 from shipland.flight import FlightResult
-from shipland.record.channels import LogParameters
 from shipland.record.reader import read_log
-from shipland.record.writer import LogWriter
 from shipland.report.again import comparison, versions
 from shipland.scenario.fly import Flown
 from shipland.scenario.scenario import load_scenario
@@ -47,11 +45,8 @@ def test_a_log_is_not_written_over(flown):
 
 
 def logged(path, info, count=20):
-    with LogWriter(path, info, RIG, CAMERA, LogParameters(image_rate_hz=0.0)) as writer:
-        for record in flight(from_s=20.0, to_s=20.0 + count / 30.0, pictures=False):
-            writer.append(record)
-        writer.finish(VERDICT)
-    return read_log(path)
+    records = flight(from_s=20.0, to_s=20.0 + count / 30.0, pictures=False)
+    return read_log(write_log(path, records, info=info))
 
 
 def test_a_flight_of_a_vehicle_outside_is_refused(tmp_path):

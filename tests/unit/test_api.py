@@ -66,12 +66,6 @@ def test_a_notebook_shows_verdict_figures_the_whole_flight_and_its_film(tmp_path
     assert f'src="{tmp_path / "flight.mp4"}"></video>' in filmed._repr_html_()
 
 
-@pytest.fixture
-def without_plots(monkeypatch):
-    """A folder's plots take longer than a short flight."""
-    monkeypatch.setattr("shipland.report.outputs.installed", lambda _: False)
-
-
 class Swallowing:
     """A pilot in whose third decision Ctrl-C comes, which code of C makes another error of."""
 

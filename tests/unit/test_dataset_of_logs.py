@@ -8,7 +8,7 @@ import zipfile
 import cv2
 import numpy as np
 import pytest
-from made_up_flight import CAMERA, INFO, RIG, VERDICT, flight
+from made_up_flight import CAMERA, RIG, flight, write_log
 from test_landings_dataset import HERE
 
 import shipland
@@ -16,7 +16,6 @@ from shipland.errors import DataError, SystemLibraryError
 from shipland.frames import rotation_from_quaternion
 from shipland.record.channels import LogParameters
 from shipland.record.reader import read_log
-from shipland.record.writer import LogWriter
 from shipland.report.dataset import write_dataset
 from shipland.report.lerobot import write_lerobot
 from shipland.vision.log_pictures import read_pictures
@@ -26,11 +25,8 @@ FILM = "observation.images.camera"
 
 def made_up_log(path, seed=7, width_px=320, rate_hz=10.0, to_s=35.0, witnessed=True):
     path.parent.mkdir(parents=True, exist_ok=True)
-    with LogWriter(path, INFO, RIG, CAMERA, LogParameters(image_rate_hz=rate_hz, image_width_px=width_px)) as writer:
-        for record in flight(seed, 33.0, to_s, witnessed=witnessed):
-            writer.append(record)
-        writer.finish(VERDICT)
-    return path
+    parameters = LogParameters(image_rate_hz=rate_hz, image_width_px=width_px)
+    return write_log(path, flight(seed, 33.0, to_s, witnessed=witnessed), parameters=parameters)
 
 
 @pytest.fixture(scope="module")

@@ -359,7 +359,7 @@ def test_drawn_faults_are_as_large_and_directed_as_is_said():
 
 
 def test_recovery_is_the_time_until_the_place_is_true():
-    records, scenario = flown("occlusion", 10.0)
+    records, scenario = flown("occlusion", 6.0)
     (recovery_s,) = recoveries(records, scenario.fault)
     assert 0.0 <= recovery_s < 2.0
 

@@ -4,14 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from made_up_flight import CAMERA, INFO, RIG, VERDICT, flight
+from made_up_flight import VERDICT, flight, log_of, write_log
 
-from shipland.camera import Camera
 from shipland.errors import DataError
-from shipland.record.info import FORMAT_VERSION, LogHeader
-from shipland.record.reader import FlightLog
-from shipland.record.writer import LogWriter
-from shipland.report.outputs import OutputParameters
 from shipland.report.plots import PlotParameters
 from shipland.reproduce.flight_figures import (
     figures_of_flights,
@@ -23,24 +18,11 @@ from shipland.reproduce.flight_figures import (
 )
 
 PARAMETERS = PlotParameters(dpi=50)
-HEADER = LogHeader(FORMAT_VERSION, INFO, RIG, Camera.from_fov(1280, 720, 69.0))
 RECORDS = tuple(flight(pictures=False))
 
 
-def log_of(records=RECORDS, verdict=VERDICT):
-    return FlightLog(HEADER, tuple(records), verdict, complete=True)
-
-
-def write(path, records, verdict=VERDICT):
-    writer = LogWriter(path, INFO, RIG, CAMERA, OutputParameters().log)
-    for record in records:
-        writer.append(record)
-    writer.finish(verdict)
-    writer.close()
-
-
 def test_tracks_lie_in_the_axes_of_the_ship_at_the_start():
-    track = tracks_of(log_of())
+    track = tracks_of(log_of(RECORDS))
     assert track.ship_m[0] == pytest.approx([0.0, 0.0, 0.0])
     # the made-up ship runs at 2 m/s on its course: ahead, whatever the course
     duration_s = track.t_s[-1] - track.t_s[0]
@@ -53,16 +35,16 @@ def test_tracks_lie_in_the_axes_of_the_ship_at_the_start():
 
 def test_touchdowns_of_landed_missed_and_lost_flights():
     missed = dataclasses.replace(VERDICT, in_square=False)
-    dots = touchdowns_of([log_of(), log_of(verdict=missed), log_of(verdict=None)])
+    dots = touchdowns_of([log_of(RECORDS), log_of(RECORDS, missed), log_of(RECORDS, None)])
     assert dots.landed.tolist() == [True, False, False]
     assert dots.place_in_deck_m[0] == pytest.approx(VERDICT.touchdown_in_deck_m)
     assert np.isnan(dots.place_in_deck_m[2]).all()
 
 
 def test_pictures_are_remade_bit_by_bit(unarranged, tmp_path):
-    log = log_of(verdict=None)
+    log = log_of(RECORDS, None)
     for name, draw in (
-        ("all.png", lambda path: plot_trajectories(path, [log_of(), log], "two", PARAMETERS)),
+        ("all.png", lambda path: plot_trajectories(path, [log_of(RECORDS), log], "two", PARAMETERS)),
         ("one.png", lambda path: plot_commands(path, log, PARAMETERS)),
     ):
         draw(tmp_path / name)
@@ -73,8 +55,8 @@ def test_pictures_are_remade_bit_by_bit(unarranged, tmp_path):
 
 
 def test_a_folder_of_logs_gives_three_pictures(tmp_path):
-    write(tmp_path / "flights" / "2.mcap", RECORDS[::10])
-    write(tmp_path / "flights" / "10.mcap", RECORDS[::20], None)
+    write_log(tmp_path / "flights" / "2.mcap", RECORDS[::10])
+    write_log(tmp_path / "flights" / "10.mcap", RECORDS[::20], None)
     logs = read_flights(tmp_path)
     assert [len(log.records) for log in logs] == [len(RECORDS[::10]), len(RECORDS[::20])]  # 2 before 10
     paths = figures_of_flights(tmp_path, tmp_path / "out")

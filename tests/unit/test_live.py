@@ -12,14 +12,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from made_up_flight import CAMERA, INFO, RIG, VERDICT, flight
+from made_up_flight import CAMERA, INFO, RIG, VERDICT, flight, write_log
 
 from shipland.errors import ConfigError
 from shipland.record.channels import LogParameters
 from shipland.record.layout import write_layout
 from shipland.record.live import LiveView
 from shipland.record.reader import read_log
-from shipland.record.writer import LogWriter
 
 PARAMETERS = LogParameters()
 TOPICS = {"/header", "/flight", "/verdict", "/tf", "/scene", "/log", "/camera/image", "/pose/aircraft"}
@@ -120,11 +119,7 @@ def test_a_viewer_that_does_not_read_keeps_nobody() -> None:
 
 
 def test_every_channel_of_the_layout_is_in_the_log_with_its_field(tmp_path: Path) -> None:
-    log = tmp_path / "flight.mcap"
-    with LogWriter(log, INFO, RIG, CAMERA, PARAMETERS) as writer:
-        for record in flight(from_s=20.0, to_s=20.2):
-            writer.append(record)
-        writer.finish(VERDICT, "landed")
+    log = write_log(tmp_path / "flight.mcap", flight(from_s=20.0, to_s=20.2), parameters=PARAMETERS)
     write_layout(tmp_path / "layout.json")
     text = (tmp_path / "layout.json").read_text()
     topics, fields = _topics_and_fields(log)

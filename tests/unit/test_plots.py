@@ -5,26 +5,18 @@ import dataclasses
 import cv2
 import numpy as np
 import pytest
-from made_up_flight import INFO, RIG, VERDICT, flight, record_at
+from made_up_flight import RIG, VERDICT, flight, log_of, record_at
 
-from shipland.camera import Camera
 from shipland.config import build
 from shipland.errors import ConfigError, DataError
 from shipland.figures import new_figure
 from shipland.messages import Mode
-from shipland.record.info import FORMAT_VERSION, LogHeader
-from shipland.record.reader import FlightLog
 from shipland.report.landing_plots import DeckTrace, Touchdowns, plot_instants, plot_touchdowns
 from shipland.report.outputs import OutputParameters
 from shipland.report.palette import BLUE, MODE_COLOURS, MODE_NAMES, VERMILION, unit
 from shipland.report.plots import PlotParameters, draw_footprint, draw_pad, plot_flight, smooth
 
 PARAMETERS = PlotParameters(dpi=60)
-HEADER = LogHeader(FORMAT_VERSION, INFO, RIG, Camera.from_fov(1280, 720, 69.0))
-
-
-def log_of(records, verdict=VERDICT):
-    return FlightLog(HEADER, tuple(records), verdict, complete=True)
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up_flight import CAMERA, INFO, RIG, VERDICT, corners_px, flight, record_at, truth_at
+from made_up_flight import CAMERA, INFO, RIG, VERDICT, corners_px, flight, record_at, truth_at, write_log
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.decoder import DecoderFactory
@@ -47,11 +47,7 @@ PARAMETERS = LogParameters(image_rate_hz=10.0, image_width_px=640, image_quality
 
 
 def write(path, records, verdict=VERDICT, parameters=PARAMETERS, camera=CAMERA):
-    writer = LogWriter(path, INFO, RIG, camera, parameters)
-    for record in records:
-        writer.append(record)
-    writer.finish(verdict)
-    return path
+    return write_log(path, records, verdict, parameters, camera=camera)
 
 
 def messages(path, topic):

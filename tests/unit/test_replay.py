@@ -4,14 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_up_flight import CAMERA, INFO, RIG, flight
+from made_up_flight import CAMERA, flight, write_log
 
 from pictures import write_film
 from shipland.camera import Camera
 from shipland.errors import ConfigError, DataError
 from shipland.messages import Intent, PilotCommand
 from shipland.record.channels import LogParameters
-from shipland.record.writer import LogWriter
 from shipland.scenario.real_vehicle import make_vehicle
 from shipland.scenario.scenario import load_scenario
 from shipland.vehicles.address import Address
@@ -31,11 +30,7 @@ def test_an_address_is_taken_apart() -> None:
 
 
 def test_a_log_is_seen_again(tmp_path: Path) -> None:
-    path, flown = tmp_path / "flight.mcap", list(flight(from_s=27.0, to_s=29.0))
-    with LogWriter(path, INFO, RIG, CAMERA, LogParameters(10.0, 320, 80)) as log:
-        for record in flown:
-            log.append(record)
-        log.finish(None)
+    path = write_log(tmp_path / "flight.mcap", flight(from_s=27.0, to_s=29.0), None, LogParameters(10.0, 320, 80))
     vehicle = make_vehicle(f"replay://{path}", load_scenario("near"), None, None)
     vehicle.open()
     seen = []

@@ -9,15 +9,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from made_up_flight import CAMERA, INFO, RIG, flight
+from made_up_flight import INFO, flight, write_log
 
 from pictures import write_film
 from shipland.camera import Camera
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation.job import FlightJob, land_once
 from shipland.evaluation.replays import differences, recorded_film, recorded_flight, replay
-from shipland.record.writer import LogWriter
-from shipland.report.outputs import OutputParameters
 from shipland.report.viewer import Viewer
 from shipland.scenario.scenario import load_scenario, scenario_table
 
@@ -113,11 +111,7 @@ def own_code(tmp_path, monkeypatch):
 def log_of(path, pilot="paper", vision="geometric", configuration=CONFIGURATION):
     """A log of three cycles with this in its header."""
     info = replace(INFO, pilot=pilot, vision=vision, configuration=configuration)
-    with LogWriter(path, info, RIG, CAMERA, OutputParameters().log) as writer:
-        for record in flight(from_s=20.0, to_s=20.09, pictures=False):
-            writer.append(record)
-        writer.finish(None)
-    return path
+    return write_log(path, flight(from_s=20.0, to_s=20.09, pictures=False), None, info=info)
 
 
 @pytest.mark.parametrize("option", ["pilot", "vision"])

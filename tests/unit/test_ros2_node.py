@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("rosbags", reason="the extra ros2")
 
-from made_up_flight import CAMERA, INFO, RIG, VERDICT, flight
+from made_up_flight import CAMERA, INFO, RIG, flight, write_log
 
 from shipland.errors import ConfigError
 from shipland.guidance.response import ANAFI_LIKE
@@ -64,11 +64,8 @@ def test_a_set_point_that_is_no_number_leaves_the_one_before() -> None:
 def test_a_log_becomes_a_bag_that_rosbags_reads(tmp_path: Path) -> None:
     from rosbags.highlevel import AnyReader
 
-    log = tmp_path / "flight.mcap"
-    with LogWriter(log, INFO, RIG, CAMERA, LogParameters(image_rate_hz=2.0)) as writer:
-        for record in flight(from_s=20.0, to_s=21.0):
-            writer.append(record)
-        writer.finish(VERDICT)
+    parameters = LogParameters(image_rate_hz=2.0)
+    log = write_log(tmp_path / "flight.mcap", flight(from_s=20.0, to_s=21.0), parameters=parameters)
     counts = write_bag(log, tmp_path / "bag")
     heard: dict[str, list[object]] = {}
     with AnyReader([tmp_path / "bag"]) as reader:

@@ -312,10 +312,8 @@ def clear(scene: Scene) -> Image:
         ({"rain_mm_h": 20.0}, 1.0),
         ({"lens_drops": 1.0}, 0.05),
         ({"spray": 1.0}, 0.002),
-        ({"visibility_m": 300.0}, 5.0),
         ({"exposure_ev": 1.0}, 10.0),
         ({"sun_azimuth_deg": 40.0, "sun_elevation_deg": -3.0}, 5.0),
-        ({"significant_wave_height_m": 0.1, "wind_speed_mps": 1.0}, 2.0),
     ],
     ids=lambda value: "-".join(value) if isinstance(value, dict) else "",
 )

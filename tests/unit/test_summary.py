@@ -7,13 +7,12 @@ import threading
 
 import numpy as np
 import pytest
-from made_up_flight import CAMERA, INFO, RIG, TOUCHDOWN_S, VERDICT, flight, truth_at
+from made_up_flight import CAMERA, INFO, RIG, TOUCHDOWN_S, VERDICT, flight, log_of, truth_at
 
 from shipland.errors import DataError
 from shipland.frames import euler_from_rotation
 from shipland.messages import Estimate, Observation
-from shipland.record.info import FORMAT_VERSION, LogHeader
-from shipland.record.reader import FlightLog, read_log
+from shipland.record.reader import read_log
 from shipland.record.writer import LogWriter
 from shipland.report.outputs import OutputParameters, Recorder
 from shipland.report.summary import kinds_of, summarise, write_json
@@ -24,12 +23,11 @@ QUICK = OutputParameters(
     dataclasses.replace(PACKAGED.video, verdict_hold_s=0.1),
     dataclasses.replace(PACKAGED.plots, dpi=50),
 )
-HEADER = LogHeader(FORMAT_VERSION, INFO, RIG, CAMERA)
 
 
 @pytest.fixture(scope="module")
 def whole():
-    return FlightLog(HEADER, tuple(flight(pictures=False)), VERDICT, complete=True)
+    return log_of(flight(pictures=False))
 
 
 def test_figures_of_the_made_up_flight(whole):
@@ -70,7 +68,7 @@ def test_errors_against_truth_are_the_noise_that_was_put_in(whole):
 
 
 def test_without_truth_there_is_no_error_and_the_estimate_stands_in(whole):
-    blind = FlightLog(HEADER, tuple(flight(pictures=False, witnessed=False)), None, complete=True)
+    blind = log_of(flight(pictures=False, witnessed=False), None)
     summary = summarise(blind)
     assert summary["camera_error"] is None
     assert summary["aircraft_error"] is None
@@ -82,7 +80,7 @@ def test_without_truth_there_is_no_error_and_the_estimate_stands_in(whole):
 
 
 def test_an_empty_flight_has_figures_too():
-    summary = summarise(FlightLog(HEADER, (), None, complete=True), "the vehicle gave no frame")
+    summary = summarise(log_of([], None), "the vehicle gave no frame")
     assert summary["cycles"] == 0
     assert summary["time_per_mode_s"] == {}
     assert summary["max_tilt_deg"] is None
@@ -94,7 +92,7 @@ def test_like_refusals_count_together(whole):
     assert kinds_of("ship: not confirmed (2 of 3 sightings; evidence 1.2 of 3)") == ["ship: not confirmed"]
     assert kinds_of("cut off; ship: not found; cut off") == ["cut off", "ship: not found"]
     silent = dataclasses.replace(whole.records[0], observation=Observation(0.0, whole.records[0].frame.gimbal))
-    assert summarise(FlightLog(HEADER, (silent,), None, complete=True))["refusals"] == {"nothing seen": 1}
+    assert summarise(log_of([silent], None))["refusals"] == {"nothing seen": 1}
 
 
 def test_json_is_plain_rounded_and_free_of_nan(tmp_path):
@@ -109,12 +107,6 @@ def test_json_is_plain_rounded_and_free_of_nan(tmp_path):
 
 
 # The recorder
-
-
-@pytest.fixture
-def no_plots(monkeypatch):
-    """Plots take a second, and other tests look at them."""
-    monkeypatch.setattr("shipland.report.outputs.installed", lambda _: False)
 
 
 def grey_chase(truth):
@@ -167,7 +159,7 @@ def test_ctrl_c_leaves_everything_of_what_was_flown(unarranged, tmp_path):
     assert (tmp_path / "plots.png").exists()
 
 
-def test_an_output_that_fails_is_given_up_and_the_flight_goes_on(no_plots, tmp_path):
+def test_an_output_that_fails_is_given_up_and_the_flight_goes_on(without_plots, tmp_path):
     def broken(truth):
         raise RuntimeError("no OpenGL")
 
@@ -180,7 +172,7 @@ def test_an_output_that_fails_is_given_up_and_the_flight_goes_on(no_plots, tmp_p
     assert (len(log.records), log.complete) == (15, True)
 
 
-def test_a_real_flight_does_not_wait_for_its_disk_and_what_that_costs_is_said(no_plots, tmp_path, monkeypatch):
+def test_a_real_flight_does_not_wait_for_its_disk_and_what_that_costs_is_said(without_plots, tmp_path, monkeypatch):
     monkeypatch.setattr("shipland.report.outputs._MOST_ROWS", 20)
     monkeypatch.setattr("shipland.report.outputs._MOST_PICTURES", 3)
     disk, pictures = threading.Event(), []
