@@ -5,8 +5,8 @@ from the area of the box and direction from its centre, carried on by the vehicl
 from the barometer, over the deck from the pose, and by the barometer afterwards.
 
 The velocity against the bar is the slope of the poses of the last second, brought up to date by what the vehicle's own
-velocity changed since. The two differ by the ship's way and by what the vehicle's velocity errs (`velocity_bias_mps`);
-a difference that leaps is a sensor that lies or a ship that manoeuvres.
+velocity changed since. The two differ by the ship's way and by what the vehicle's velocity errs
+(`velocity_bias_in_bar_mps`); a difference that leaps is a sensor that lies or a ship that manoeuvres.
 
 What evolves is a record of floats and the rows of what is remembered; a compiled function a source of news changes it.
 What is not known is NaN there, and None in the `SafetyEstimate` that is read from it.

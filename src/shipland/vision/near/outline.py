@@ -12,7 +12,7 @@ _FINE = (0.25, 0.12)
 """How far a polygon may lie off the outline before it is simplified, as fractions of the region's width."""
 
 _MOST_MORE = 10
-"""An outline with so many more vertices than the polygon's is none."""
+"""Vertices that an outline may have beyond the polygon's; with more it is no polygon."""
 
 _LINE_PX = 2.0
 """Distance up to which a point of the outline belongs to a side."""
