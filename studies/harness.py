@@ -31,9 +31,12 @@ PACKAGE = ROOT / "src" / "shipland"
 CODE = (PACKAGE, ROOT / "studies", ROOT / "tests")
 PLUMBING = {
     *(f"studies/{name}.py" for name in ("__init__", "__main__", "harness", "tables")),
-    *(f"src/shipland/{name}.py" for name in ("errors", "files", "progress", "stopping", "version", "workers")),
+    *(f"src/shipland/{name}.py" for name in ("errors", "factories", "files", "former", "progress", "stopping")),
+    *(f"src/shipland/{name}.py" for name in ("record/__init__", "record/info", "version", "workers")),
+    *(f"src/shipland/evaluation/{name}.py" for name in ("__init__", "campaign", "folder", "job", "leaderboard")),
+    *(f"src/shipland/evaluation/{name}.py" for name in ("suite", "tables", "tally")),
 }
-"""Files that run a study and decide no figure."""
+"""Files that run a study and keep its flights, and decide no figure."""
 PICTURES = ROOT / "docs" / "pictures"
 RESULTS = ROOT / "results"
 """Whole results, committed."""
