@@ -322,7 +322,7 @@ def confirm(name: str, study: Study, workers: int = 2) -> str:
         finally:
             pool.shutdown(cancel_futures=True)
     same = f"{len(sample)} of {len(cases)} cases measured again by {code_version()}, to the digit"
-    known = {file for file in found["source"]["modules"].split() if (ROOT / file).exists()}
+    known = {file for file in found["source"].get("modules", "").split() if (ROOT / file).exists()}
     _dump(path, found | {"source": source_of(name, study, modules | known), "confirmed": same})
     return f"{name}: {same}"
 
