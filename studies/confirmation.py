@@ -185,14 +185,5 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=480,
-    measured=(
-        "camera.py",
-        "learning/evaluate.py",
-        "learning/ranges.py",
-        "sim/scene",
-        "sim/scene_parameters.py",
-        "vision/far",
-        "vision/parameters.py",
-    ),
     minutes=20,
 )

@@ -79,8 +79,6 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=800,
-    measured=("camera.py", "frames.py", "cue.py", "rig.py", "sim/scene", "sim/scene_parameters.py", "vision"),
     minutes=5,
     picture=picture,
-    helpers=("studies/views.py",),
 )

@@ -127,6 +127,5 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=16,
-    measured=("estimation/waves.py", "frames.py", "rig.py", "scenario", "sim/ship"),
     minutes=1,
 )

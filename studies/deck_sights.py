@@ -76,15 +76,5 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=60,
-    measured=(
-        "camera.py",
-        "frames.py",
-        "rig.py",
-        "sim/scene",
-        "sim/scene_parameters.py",
-        "vision/near",
-        "vision/parameters.py",
-    ),
     minutes=1,
-    helpers=("studies/views.py",),
 )

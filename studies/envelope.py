@@ -16,7 +16,6 @@ from shipland.evaluation.envelope import EnvelopeGrid
 from shipland.evaluation.folder import source_digest
 from shipland.evaluation.suite import Overrides, SuiteEntry
 from studies.harness import PARTS, Case, Column, Row, Study
-from studies.landings import MEASURED
 
 WINDS_KN: dict[str, tuple[float, ...]] = {
     "rig-natops": (4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 28.0),
@@ -81,7 +80,6 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=10,
-    measured=(*MEASURED, "evaluation/envelope.py", "envelopes.py"),
     minutes=220,
     picture=picture,
 )

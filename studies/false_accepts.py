@@ -116,16 +116,5 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=400,
-    measured=(
-        "camera.py",
-        "cue.py",
-        "frames.py",
-        "rig.py",
-        "safety/cue_height.py",
-        "sim/scene",
-        "sim/scene_parameters.py",
-        "vision",
-    ),
     minutes=15,
-    helpers=("studies/views.py", "studies/decoys.py", "studies/spoiling.py"),
 )

@@ -110,15 +110,5 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=240,
-    measured=(
-        "camera.py",
-        "learning/evaluate.py",
-        "learning/ranges.py",
-        "learning/shots.py",
-        "sim/scene",
-        "sim/scene_parameters.py",
-        "vision/far",
-        "vision/parameters.py",
-    ),
     minutes=6,
 )

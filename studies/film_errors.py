@@ -231,7 +231,5 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=80,
-    measured=("camera.py", "frames.py", "cue.py", "rig.py", "sim/scene", "sim/scene_parameters.py", "vision"),
     minutes=10,
-    helpers=("studies/views.py", "studies/spoiling.py"),
 )

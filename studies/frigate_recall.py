@@ -131,15 +131,5 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=12,
-    measured=(
-        "camera.py",
-        "rig.py",
-        "scenario/autonomy.py",
-        "sim/scene",
-        "sim/scene_parameters.py",
-        "sim/ship",
-        "vision/far",
-        "vision/parameters.py",
-    ),
     minutes=15,
 )

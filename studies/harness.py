@@ -8,8 +8,9 @@ import importlib
 import json
 import platform
 import signal
+import sys
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import cache
@@ -19,12 +20,23 @@ from typing import Any
 
 from rich.progress import Progress
 
+from shipland.errors import DataError
 from shipland.files import write_atomically
 from shipland.statistics import Interval, share_interval
 from shipland.version import code_version
 from shipland.workers import die_with_parent
 
 ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "src" / "shipland"
+CODE = (PACKAGE, ROOT / "studies", ROOT / "tests")
+PLUMBING = {
+    *(f"studies/{name}.py" for name in ("__init__", "__main__", "harness", "tables")),
+    *(f"src/shipland/{name}.py" for name in ("errors", "factories", "files", "former", "progress", "stopping")),
+    *(f"src/shipland/{name}.py" for name in ("record/__init__", "record/info", "version", "workers")),
+    *(f"src/shipland/evaluation/{name}.py" for name in ("__init__", "campaign", "folder", "job", "leaderboard")),
+    *(f"src/shipland/evaluation/{name}.py" for name in ("suite", "tables", "tally")),
+}
+"""Files that run a study and keep its flights, and decide no figure."""
 PICTURES = ROOT / "docs" / "pictures"
 RESULTS = ROOT / "results"
 """Whole results, committed."""
@@ -64,10 +76,10 @@ class Study:
         cases: all cases, in the table's order.
         measure: a case and a number of runs to its row, or to several that one measurement gives.
         runs: repetitions a case.
-        measured: files and folders of src/shipland whose code the rows depend on.
         minutes: about how long all of it takes on two cores.
         picture: draws all rows into a file: docs/pictures/NAME.png.
-        helpers: files of studies/ and tests/ that the rows depend on, besides the study's own.
+        files: files and folders that the rows depend on, besides what was imported to measure them, configuration and
+            weights: of processes of their own, or read.
         alone: one case after the other, for measurements of time.
         binary: environment variable that must name one; without it the study is left out.
     """
@@ -77,10 +89,9 @@ class Study:
     cases: Callable[[], Sequence[Case]]
     measure: Callable[[Case, int], Row | Sequence[Row]]
     runs: int
-    measured: tuple[str, ...]
     minutes: float
     picture: Callable[[Sequence[Row], Path], None] | None = None
-    helpers: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
     alone: bool = False
     binary: str = ""
 
@@ -121,41 +132,77 @@ def _parsed(node: object) -> object:
     return node
 
 
-@cache
 def code_digest(source: bytes) -> bytes:
     """SHA-256 of what Python parses: comments, docstrings and the layout of lines do not count."""
     return hashlib.sha256(repr(_parsed(ast.parse(source))).encode()).digest()
 
 
-def digest(paths: Sequence[Path]) -> str:
-    """SHA-256 over files, and over the files of folders, with their places in the repository; Python by its code.
+def file_digest(path: Path) -> bytes:
+    """SHA-256 of a file; of Python's code."""
+    return _file_digest(path, path.stat().st_mtime_ns)
 
-    Raises:
-        FileNotFoundError: a path does not exist.
-    """
+
+@cache
+def _file_digest(path: Path, _mtime_ns: int) -> bytes:
+    data = path.read_bytes()
+    return code_digest(data) if path.suffix == ".py" else hashlib.sha256(data).digest()
+
+
+def digest(paths: Iterable[Path], digest_of: Callable[[Path], bytes] = file_digest) -> str:
+    """SHA-256 over files, and over the files of folders, with their places in the repository."""
     found = hashlib.sha256()
     for path in paths:
-        if not path.exists():
-            raise FileNotFoundError(f"{path} does not exist, though a study names it as what it measures")
-        files = [path] if path.is_file() else sorted(each for each in path.rglob("*") if each.is_file())
-        for file in files:
-            if file.suffix != ".pyc":
-                data = file.read_bytes()
-                of_file = code_digest(data) if file.suffix == ".py" else hashlib.sha256(data).digest()
-                found.update(f"{file.relative_to(ROOT)}\0".encode() + of_file)
+        for file in _files_of(path):
+            found.update(f"{file.relative_to(ROOT)}\0".encode() + digest_of(file))
     return found.hexdigest()[:16]
 
 
-def source_of(name: str, study: Study) -> dict[str, str]:
-    """Digests of what a row depends on: code measured with the study itself, configuration, weights."""
-    package = ROOT / "src" / "shipland"
+def _files_of(path: Path) -> list[Path]:
+    files = sorted(each for each in path.rglob("*") if each.is_file()) if path.is_dir() else [path]
+    return [file for file in files if file.suffix != ".pyc"]
+
+
+def imported() -> set[str]:
+    """Files of the checkout that this process has imported, without those that no figure depends on.
+
+    Raises:
+        DataError: shipland is not imported from the checkout, whose results these would be.
+    """
+    paths = {Path(file) for module in list(sys.modules.values()) if (file := getattr(module, "__file__", None))}
+    files = {str(path.relative_to(ROOT)) for path in paths if any(path.is_relative_to(part) for part in CODE)}
+    if PACKAGE / "__init__.py" not in paths:
+        raise DataError(f"shipland is not imported from {PACKAGE}: install the checkout with make setup")
+    return files - PLUMBING
+
+
+def source_of(
+    name: str, study: Study, modules: Iterable[str], digest_of: Callable[[Path], bytes] = file_digest
+) -> dict[str, str]:
+    """Digests of what rows depend on.
+
+    Args:
+        name: of the study.
+        study: what it reads.
+        modules: files that were imported to measure the rows.
+        digest_of: see `file_digest`.
+    """
     campaign = CAMPAIGNS / f"{name}.toml"
-    own = [campaign if campaign.exists() else ROOT / "studies" / f"{name}.py", *(ROOT / part for part in study.helpers)]
+    own = [campaign if campaign.exists() else ROOT / "studies" / f"{name}.py", *(ROOT / part for part in study.files)]
+    modules = sorted(modules)
     return {
-        "code": digest([*own, *(package / part for part in study.measured)]),
-        "configuration": digest([package / "configs"]),
-        "weights": digest([package / "weights"]),
+        "modules": " ".join(modules),
+        "code": digest([*own, *(ROOT / module for module in modules)], digest_of),
+        "configuration": digest([PACKAGE / "configs"], digest_of),
+        "weights": digest([PACKAGE / "weights"], digest_of),
     }
+
+
+def is_current(name: str, study: Study, found: Mapping[str, Any]) -> bool:
+    """Whether results are of the code, configuration and weights that are here."""
+    try:
+        return bool(found["source"] == source_of(name, study, found["source"].get("modules", "").split()))
+    except FileNotFoundError:  # a module that is gone
+        return False
 
 
 def read(path: Path) -> dict[str, Any] | None:
@@ -163,9 +210,10 @@ def read(path: Path) -> dict[str, Any] | None:
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
 
 
-def _measure(name: str, case: Case, runs: int) -> list[dict[str, Any]]:
+def measure(name: str, case: Case, runs: int) -> tuple[list[dict[str, Any]], set[str]]:
+    """The rows of a case, and the files imported to measure them, and whatever this process measured before."""
     found = load(name).measure(case, runs)
-    return [{**case, **row} for row in ([found] if isinstance(found, Mapping) else found)]
+    return [{**case, **row} for row in ([found] if isinstance(found, Mapping) else found)], imported()
 
 
 def _begin_worker() -> None:
@@ -174,10 +222,12 @@ def _begin_worker() -> None:
     threading.Thread(target=die_with_parent, args=(parent_process().sentinel,), daemon=True).start()
 
 
-def _rows_kept(path: Path, source: Mapping[str, str], runs: int) -> list[dict[str, Any]]:
-    """Rows of an earlier run of the same code, configuration, weights and number of runs; none else."""
+def _kept(path: Path, name: str, study: Study, runs: int) -> tuple[list[dict[str, Any]], set[str]]:
+    """Rows of a run of the same code, configuration, weights and number of runs, and its modules; none else."""
     kept = read(path)
-    return kept["rows"] if kept and kept["source"] == source and kept["runs"] == runs else []
+    if not kept or kept["runs"] != runs or not is_current(name, study, kept):
+        return [], set()
+    return kept["rows"], set(kept["source"]["modules"].split())
 
 
 def rows_of(rows: Sequence[dict[str, Any]], case: Case) -> list[dict[str, Any]]:
@@ -200,30 +250,31 @@ def run(
     """
     count = study.runs if runs is None else runs
     part = PARTS / f"{name}-{count}.json"
-    cases, source = cases_where(study, where or {}), source_of(name, study)
-    rows = _rows_kept(part, source, count)
+    cases = cases_where(study, where or {})
+    rows, modules = _kept(part, name, study, count)
     if not rows and count == study.runs:
-        rows = _rows_kept(RESULTS / f"{name}.json", source, count)
+        rows, modules = _kept(RESULTS / f"{name}.json", name, study, count)
     missing = [case for case in cases if not rows_of(rows, case)]
     whole = RESULTS / f"{name}.json" if count == study.runs else part
-    if not missing and (where or len(_rows_kept(whole, source, count)) == len(rows)):
+    if not missing and (where or len(_kept(whole, name, study, count)[0]) == len(rows)):
         return True
-    stopped = False
+    stopped, at_start = False, _digests(study)
     with (
         ProcessPoolExecutor(1 if study.alone else workers, get_context("spawn"), _begin_worker) as pool,
         Progress() as progress,
     ):
         bar = progress.add_task(name, total=len(cases), completed=len(cases) - len(missing))
-        pending = {pool.submit(_measure, name, case, count) for case in missing}
+        pending = {pool.submit(measure, name, case, count) for case in missing}
         while pending:
             try:
                 for done in as_completed(pending):
                     pending.discard(done)
                     try:
-                        rows += done.result()
+                        measured, files = done.result()
                     except CancelledError:
                         continue
-                    _write(part, name, study, source, count, rows)
+                    rows, modules = rows + measured, modules | files
+                    _write(part, name, study, source_of(name, study, modules, at_start), count, rows)
                     progress.advance(bar)
                     break
             except KeyboardInterrupt:
@@ -232,10 +283,16 @@ def run(
     if stopped or where:
         return not stopped
     rows = [row for case in cases for row in rows_of(rows, case)]
-    _write(whole, name, study, source, count, rows)
+    _write(whole, name, study, source_of(name, study, modules, at_start), count, rows)
     if study.picture:
         study.picture(rows, (PICTURES if count == study.runs else PARTS) / f"{name}.png")
     return True
+
+
+def _digests(study: Study) -> Callable[[Path], bytes]:
+    """Digests of files as they are now, whatever is edited while a study runs."""
+    folders = *CODE, CAMPAIGNS, *(ROOT / part for part in study.files)
+    return {file: file_digest(file) for folder in folders for file in _files_of(folder)}.__getitem__
 
 
 def confirm(name: str, study: Study, workers: int = 2) -> str:
@@ -247,23 +304,26 @@ def confirm(name: str, study: Study, workers: int = 2) -> str:
     Returns:
         What came out, in words.
     """
-    path, source, cases = RESULTS / f"{name}.json", source_of(name, study), study.cases()
+    path, cases = RESULTS / f"{name}.json", study.cases()
     found = read(path)
-    if found is None or found["source"] == source:
+    if found is None or is_current(name, study, found):
         return f"{name}: " + ("not measured yet" if found is None else "measured with this code")
     if study.alone or found["runs"] != study.runs or not all(rows_of(found["rows"], case) for case in cases):
         return f"{name}: has to be measured anew"
-    sample = [*cases[:-1:10], cases[-1]]
+    sample, modules = [*cases[:-1:10], cases[-1]], set[str]()
     with ProcessPoolExecutor(workers, get_context("spawn"), _begin_worker) as pool:
-        measured = [pool.submit(_measure, name, case, study.runs) for case in sample]
+        pending = [pool.submit(measure, name, case, study.runs) for case in sample]
         try:
-            for case, future in zip(sample, measured, strict=True):
-                if json.loads(json.dumps(future.result())) != rows_of(found["rows"], case):
+            for case, future in zip(sample, pending, strict=True):
+                rows, files = future.result()
+                modules |= files
+                if json.loads(json.dumps(rows)) != rows_of(found["rows"], case):
                     return f"{name}: {dict(case)} comes out otherwise"
         finally:
             pool.shutdown(cancel_futures=True)
     same = f"{len(sample)} of {len(cases)} cases measured again by {code_version()}, to the digit"
-    _dump(path, found | {"source": source, "confirmed": same})
+    known = {file for file in found["source"].get("modules", "").split() if (ROOT / file).exists()}
+    _dump(path, found | {"source": source_of(name, study, modules | known), "confirmed": same})
     return f"{name}: {same}"
 
 
@@ -297,7 +357,7 @@ def listing(names: Sequence[str]) -> str:
         found = read(RESULTS / f"{name}.json")
         state = "not yet measured"
         if found:
-            current = "this code" if found["source"] == source_of(name, study) else "earlier code"
+            current = "this code" if is_current(name, study, found) else "earlier code"
             state = f"measured with {current} ({found['commit']})"
         size = f"{len(study.cases())} cases × {study.runs} runs, about {study.minutes:g} min"
         lines.append(f"{name}: {study.question}\n    {size}; {state}")

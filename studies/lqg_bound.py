@@ -148,6 +148,5 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=1,
-    measured=("estimation", "guidance/horizon", "guidance/response.py", "scenario/autonomy.py"),
     minutes=1,
 )

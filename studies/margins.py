@@ -97,6 +97,5 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=30,
-    measured=("estimation", "flight.py", "geometric.py", "guidance", "safety", "scenario", "sim", "learning/policy"),
     minutes=30,
 )

@@ -70,6 +70,5 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=40,
-    measured=("evaluation/oracle.py", "statistics.py", "sim/ship", "rig.py", "frames.py"),
     minutes=3,
 )

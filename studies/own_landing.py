@@ -20,8 +20,7 @@ import numpy as np
 
 from shipland.errors import DataError
 from shipland.record.info import config_digest
-from studies.harness import PARTS, ROOT, Case, Column, Row, Study, digest, share
-from studies.landings import MEASURED
+from studies.harness import PACKAGE, PARTS, ROOT, Case, Column, Row, Study, digest, share
 
 SCENARIO, BINARY = "ship-sea5", "SHIPLAND_ARDUCOPTER"
 WHO = {"ArduCopter": ("--own-landing",), "our pilot": ()}
@@ -34,7 +33,11 @@ HELD = (
 )
 MOST_BEHIND_S = 0.05
 """A flight whose world fell behind the clock by more does not count."""
-FLOWN = (*MEASURED, "sitl", "vehicles/mavlink")
+FLOWN = (
+    *("camera.py", "cue.py", "estimation", "flight.py", "frames.py", "geometric.py", "guidance", "rig.py", "safety"),
+    *("scenario", "sim", "sitl", "vehicles", "vision"),
+)
+"""Of the package: another process flies."""
 TOOLS = ("tools/land_outside.py", "tools/slow_clock", "examples/arducopter.toml")
 TOOLS += ("examples/arducopter.parm", "examples/precision-landing.parm")
 
@@ -49,8 +52,7 @@ def landing(case: Case, seed: int) -> dict[str, Any]:
     sets = ("ship.sea.sea_state={sea}", "ship.course.speed_mps={deck_mps}", "delays.video_s={lag_s}")
     options = [*HELD, *WHO[str(case["who"])], *(word for key in sets for word in ("--set", key.format(**case)))]
     options += ["--defaults", *os.environ.get(f"{BINARY}_DEFAULTS", "").split()]
-    package = ROOT / "src" / "shipland"
-    source = digest([*(package / part for part in (*FLOWN, "configs")), *(ROOT / part for part in TOOLS)])
+    source = digest([*(PACKAGE / part for part in (*FLOWN, "configs")), *(ROOT / part for part in TOOLS)])
     by = {"options": options, "binary": os.environ[BINARY], "source": source}
     out = PARTS / "own_landing" / config_digest(by) / str(seed)
     kept = out / f"{SCENARIO}.json"
@@ -114,9 +116,8 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=8,
-    measured=FLOWN,
     minutes=45,
-    helpers=TOOLS,
+    files=(*TOOLS, *(f"src/shipland/{part}" for part in FLOWN)),
     alone=True,
     binary=BINARY,
 )

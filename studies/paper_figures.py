@@ -136,6 +136,5 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=1,
-    measured=("guidance", "reproduce", "sim"),
     minutes=3,
 )

@@ -92,6 +92,5 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=100,
-    measured=("estimation", "flight.py", "geometric.py", "guidance", "safety", "scenario", "sim"),
     minutes=3,
 )

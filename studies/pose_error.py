@@ -141,8 +141,6 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=40,
-    measured=("camera.py", "frames.py", "cue.py", "rig.py", "sim/scene", "sim/scene_parameters.py", "vision"),
     minutes=8,
     picture=picture,
-    helpers=("studies/views.py", "studies/tags.py"),
 )

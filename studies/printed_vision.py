@@ -110,8 +110,7 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=40,
-    measured=("camera.py", "frames.py", "cue.py", "rig.py", "sim/scene", "sim/scene_parameters.py", "vision"),
     minutes=2,
     picture=picture,
-    helpers=("studies/views.py", "studies/spoiling.py", "examples/near_vision_printed.toml"),
+    files=("examples/near_vision_printed.toml",),
 )

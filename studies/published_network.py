@@ -90,7 +90,5 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=160,
-    measured=SHIPPED.measured,
     minutes=40,
-    helpers=("studies/far_vision.py",),
 )

@@ -111,7 +111,6 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=40,
-    measured=("camera.py", "frames.py", "cue.py", "rig.py", "sim/scene", "sim/scene_parameters.py", "vision"),
     minutes=4,
     picture=picture,
 )

@@ -9,7 +9,7 @@ import numpy as np
 
 from shipland.scenario.scenario import load_scenario
 from studies.harness import Case, Column, Row, Study, share
-from studies.landings import MEASURED, fly
+from studies.landings import fly
 
 BANDS = 3
 """Rows of a case: its landings in order of what was said, in equal parts."""
@@ -83,8 +83,6 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=50,
-    measured=MEASURED,
     minutes=7,
     picture=picture,
-    helpers=("studies/landings.py",),
 )

@@ -86,6 +86,5 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=60,
-    measured=("camera.py", "frames.py", "geometric.py", "rig.py", "scenario/autonomy.py", "sim/ship"),
     minutes=1,
 )

@@ -66,6 +66,5 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=1,
-    measured=("report/motion.py", "rig.py", "sim/ship"),
     minutes=1,
 )

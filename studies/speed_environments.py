@@ -66,7 +66,6 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=1000,
-    measured=("environments", "estimation", "flight.py", "geometric.py", "guidance", "safety", "scenario", "sim"),
     minutes=1,
     alone=True,
 )

@@ -111,7 +111,6 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=9,
-    measured=("learning/export.py", "learning/yolov3.py", "vision/far", "vision/parameters.py"),
     minutes=4,
     alone=True,
 )

@@ -92,7 +92,6 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=10,
-    measured=("estimation", "flight.py", "geometric.py", "guidance", "safety", "scenario", "sim"),
     minutes=1,
     alone=True,
 )

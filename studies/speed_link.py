@@ -74,7 +74,7 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=2000,
-    measured=("vehicles/mavlink/guard_process.py",),
     minutes=1,
     alone=True,
+    files=("src/shipland/vehicles/mavlink",),
 )

@@ -216,8 +216,6 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=8,
-    measured=("camera.py", "sim/scene", "sim/scene_parameters.py", "vision/near", "vision/parameters.py"),
     minutes=2,
     alone=True,
-    helpers=("studies/tags.py",),
 )

@@ -97,8 +97,7 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=3,
-    measured=("estimation", "flight.py", "geometric.py", "guidance", "safety", "scenario", "sim"),
     minutes=6,
     alone=True,
-    helpers=("studies/peer_hover.py", "studies/speed_landings.py"),
+    files=("studies/peer_hover.py", "src/shipland/evaluation"),
 )

@@ -87,7 +87,6 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=5,
-    measured=("scenario/autonomy.py", "sim", "vehicles/simulated.py"),
     minutes=1,
     alone=True,
 )

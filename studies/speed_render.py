@@ -86,7 +86,6 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=9,
-    measured=("camera.py", "sim/scene", "sim/scene_parameters.py"),
     minutes=1,
     alone=True,
 )

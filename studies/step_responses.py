@@ -247,7 +247,6 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=1,
-    measured=("camera.py", "frames.py", "rig.py", "sim"),
     minutes=1,
     picture=picture,
 )

@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from studies.harness import RESULTS, ROOT, Column, load, read, rows_of, source_of
+from studies.harness import RESULTS, ROOT, Column, is_current, load, read, rows_of
 
 _PAIR = r"\w+=(?:'[^']*'|[^\s;'\"]+)"
 BLOCK = re.compile(
@@ -127,7 +127,7 @@ def checked(text: str, page: str) -> str:
         if match["table"] != right:
             raise TableError(f"{page}: the table of {name} differs from its results: python -m studies")
         found = read(RESULTS / f"{name}.json") or {}
-        note = "" if found["source"] == source_of(name, load(name)) else EARLIER.format(name)
+        note = "" if is_current(name, load(name), found) else EARLIER.format(name)
         return match["head"] + note + right
 
     return BLOCK.sub(one, text)

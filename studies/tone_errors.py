@@ -78,7 +78,5 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=42,
-    measured=("vision", "camera.py", "frames.py", "cue.py", "rig.py"),
-    helpers=("tests/pictures.py", "studies/views.py"),
     minutes=1,
 )

@@ -96,7 +96,6 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=400_000,
-    measured=("sim/turbulence.py", "sim/wind.py"),
     minutes=1,
     picture=picture,
 )

@@ -78,6 +78,5 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=60,
-    measured=("estimation", "flight.py", "geometric.py", "guidance", "safety", "scenario", "sim"),
     minutes=10,
 )

@@ -45,6 +45,5 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=1,
-    measured=("sim/turbulence.py", "sim/wind.py", "rig.py"),
     minutes=0.1,
 )

@@ -1,13 +1,16 @@
 """The harness of studies: it resumes, refuses rows of other code, and pages agree with what was measured."""
 
 import json
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from studies import ORDER, harness, tables
+
+from shipland.errors import DataError
 
 ROOT = Path(__file__).parents[2]
 
@@ -22,20 +25,19 @@ def study(tmp_path, monkeypatch):
         return {"twice": 2 * case["number"], "good": harness.share(runs, runs)}
 
     columns = {name: harness.Column(name) for name in ("number", "twice")}
-    made = harness.Study("Twice?", columns, lambda: [{"number": 1}, {"number": 2}], measure, 3, ("rig.py",), 0)
+    made = harness.Study("Twice?", columns, lambda: [{"number": 1}, {"number": 2}], measure, 3, 0)
     monkeypatch.setattr(harness, "RESULTS", tmp_path / "results")
     monkeypatch.setattr(tables, "RESULTS", tmp_path / "results")
     monkeypatch.setattr(harness, "PARTS", tmp_path / "parts")
     monkeypatch.setattr(harness, "load", lambda _: made)
     monkeypatch.setattr(tables, "load", lambda _: made)
-    monkeypatch.setattr(harness, "source_of", lambda *_: {"code": "this"})
-    monkeypatch.setattr(tables, "source_of", lambda *_: {"code": "this"})
+    monkeypatch.setattr(harness, "source_of", lambda *_: {"code": "this", "modules": ""})
     return made, measured
 
 
 def write(path, rows, code="this"):
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"rows": rows, "source": {"code": code}, "runs": 3, "commit": "c"}))
+    path.write_text(json.dumps({"rows": rows, "source": {"code": code, "modules": ""}, "runs": 3, "commit": "c"}))
 
 
 ROWS = [{"number": 1, "twice": 2}, {"number": 2, "twice": 4}]
@@ -44,9 +46,37 @@ ROWS = [{"number": 1, "twice": 2}, {"number": 2, "twice": 4}]
 def test_only_rows_of_this_code_are_kept(study, tmp_path):
     path = tmp_path / "parts" / "two-3.json"
     write(path, ROWS[:1])
-    assert harness._rows_kept(path, {"code": "this"}, 3) == ROWS[:1]
-    assert harness._rows_kept(path, {"code": "other"}, 3) == []
-    assert harness._rows_kept(path, {"code": "this"}, 4) == []
+    assert harness._kept(path, "two", study[0], 3)[0] == ROWS[:1]
+    assert harness._kept(path, "two", study[0], 4)[0] == []
+    write(path, ROWS[:1], "other")
+    assert harness._kept(path, "two", study[0], 3)[0] == []
+
+
+def test_code_that_was_imported_to_measure_ages_a_result(tmp_path, monkeypatch):
+    """And no other."""
+    for name in ("src/shipland/configs", "src/shipland/weights", "studies/campaigns"):
+        (tmp_path / name).mkdir(parents=True)
+    for name in ("flown", "apart", "errors"):
+        (tmp_path / "src" / "shipland" / f"{name}.py").write_bytes(PLAIN)
+    (tmp_path / "src" / "shipland" / "__init__.py").touch()
+    (tmp_path / "studies" / "two.py").touch()
+    for name, folder in (("ROOT", ""), ("PACKAGE", "src/shipland"), ("CAMPAIGNS", "studies/campaigns")):
+        monkeypatch.setattr(harness, name, tmp_path / folder)
+    monkeypatch.setattr(harness, "CODE", (harness.PACKAGE,))
+    with pytest.raises(DataError, match="shipland is not imported from"):
+        harness.imported()
+    for name in ("__init__", "flown", "errors"):
+        module = SimpleNamespace(__file__=str(harness.PACKAGE / f"{name}.py"))
+        monkeypatch.setitem(sys.modules, f"measured_{name}", module)
+    assert harness.imported() == {"src/shipland/__init__.py", "src/shipland/flown.py"}, "errors decide no figure"
+    made = harness.Study("Twice?", {}, list, lambda case, runs: {}, 3, 0)
+    found = {"source": harness.source_of("two", made, harness.imported())}
+    (harness.PACKAGE / "apart.py").write_bytes(PLAIN.replace(b"/ 2", b"/ 3"))
+    assert harness.is_current("two", made, found)
+    (harness.PACKAGE / "flown.py").write_bytes(PLAIN.replace(b"/ 2", b"/ 3"))
+    assert not harness.is_current("two", made, found)
+    (harness.PACKAGE / "flown.py").unlink()
+    assert not harness.is_current("two", made, found)
 
 
 PLAIN = b"LIMIT_M = 0.5\ndef half(given):\n    return given / 2\n"
@@ -134,24 +164,14 @@ def test_results_of_earlier_code_are_taken_over_where_a_part_comes_out_the_same(
     write(path, rows, code="earlier")
     assert "4 of 25 cases" in harness.confirm("two", many)
     assert measured == [0, 10, 20, 24]
-    assert harness.read(path)["source"] == {"code": "this"}
+    assert harness.read(path)["source"]["code"] == "this"
     rows[20]["twice"] += 1e-9
     write(path, rows, code="earlier")
     assert "{'number': 20} comes out otherwise" in harness.confirm("two", many)
-    assert harness.read(path)["source"] == {"code": "earlier"}
+    assert harness.read(path)["source"]["code"] == "earlier"
     assert "anew" in harness.confirm("two", replace(many, alone=True))
 
 
-DIGEST = cache(harness.digest)
-
-
-@pytest.fixture
-def each_file_digested_once(monkeypatch):
-    """Nobody writes to what studies measure while the pages are read."""
-    monkeypatch.setattr(harness, "digest", lambda paths: DIGEST(tuple(paths)))
-
-
-@pytest.mark.usefixtures("each_file_digested_once")
 @pytest.mark.parametrize("page", list(tables.pages()), ids=lambda path: path.name)
 def test_pages_agree_with_the_results(page):
     tables.checked(page.read_text(encoding="utf-8"), page.name)
@@ -180,11 +200,12 @@ MINUTES = (
 def test_the_smallest_case_of_a_study_runs(name, tmp_path, monkeypatch):
     monkeypatch.setattr("studies.landings.PARTS", tmp_path)
     study = harness.load(name)
-    assert harness.source_of(name, study)
+    assert harness.source_of(name, study, ())
     if name in MINUTES:
         return
     case = study.cases()[0]
-    rows = harness._measure(name, case, 2)
+    rows, files = harness.measure(name, case, 2)
+    assert f"studies/{name}.py" in files
     keys = {key for row in rows for key in row}
     assert rows == harness.rows_of(rows, case)
     assert json.loads(json.dumps(rows)) == rows
