@@ -58,7 +58,6 @@ def test_who_never_touches_gains_nothing_by_it():
 def test_a_row_that_was_stopped_resumes_with_the_missing_flight(tmp_path, monkeypatch):
     """Kept and counted anew it is the same; the flights are made up."""
     monkeypatch.setattr(landings, "PARTS", tmp_path)
-    monkeypatch.setattr(landings, "_code", lambda: "of the code")
     study, flown = harness.load("near_readings"), []
     case = study.cases()[0]
 
