@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import shipland
-from shipland.messages import Observation
+from pictures import Look, bar_picture, camera_from_bar
+from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.scenario.autonomy import build_scene, build_vehicle
 from shipland.vision.near.pipeline import NearVision
 
@@ -37,21 +38,16 @@ def test_own_vision_sees():
     assert any(record.observation.bar_pose is not None for record in flight.records)
 
 
-def test_own_vision_gives_a_box_where_corners_are_too_small():
+def test_own_vision_gives_a_box_where_corners_are_too_small(rig, camera, rng):
     own_vision = importlib.import_module("own_vision")
 
-    scenario = shipland.load_scenario("near")
-    scene = build_scene(scenario, 1)
-    vehicle = build_vehicle(scenario, 1, scene)
-    vehicle.open()
-    frame, _ = vehicle.read()
+    image = bar_picture(rig.cue, camera, camera_from_bar((-6.0, 0.3, 0.0), 0.0), rng, Look(0.4, 1.0))
 
     class NoCorners:
         def see(self, frame):
             return Observation(frame.t_s, frame.gimbal, reason="no corners")
 
-    box = own_vision.GreenBox(NoCorners()).see(frame).bar_box
-    scene.close()
+    box = own_vision.GreenBox(NoCorners()).see(Frame(0.0, image, GimbalAttitude(0.0, 0.0))).bar_box
     assert box is not None
     assert 10.0 < box.size_px[0] < 400.0
 

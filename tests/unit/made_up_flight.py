@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -103,10 +104,17 @@ def mode_at(t_s: float) -> tuple[Mode, str]:
     return Mode.DONE, "on the deck"
 
 
+@cache
+def sea_and_sky(width_px: int, height_px: int) -> np.ndarray:
+    """The picture without the bar."""
+    image = np.full((height_px, width_px, 3), (190, 150, 110), np.uint8)
+    image[: height_px // 2] = (225, 205, 180)
+    return image
+
+
 def paint(truth: GroundTruth, camera: Camera) -> np.ndarray:
     """Sea, sky and the bar's rectangles, flat colours."""
-    image = np.full((camera.height_px, camera.width_px, 3), (190, 150, 110), np.uint8)
-    image[: camera.height_px // 2] = (225, 205, 180)
+    image = sea_and_sky(camera.width_px, camera.height_px).copy()
     corners = corners_px(truth, camera)
     if np.isfinite(corners).all():
         for quad in corners.reshape(-1, 4, 2):

@@ -4,8 +4,6 @@ import base64
 import json
 import re
 import signal
-import subprocess
-import sys
 from dataclasses import replace
 
 import cv2
@@ -25,10 +23,7 @@ from shipland.vehicles.simulated import SimulatedVehicle
 SHORT = {"time_limit_s": 2.0}
 
 
-def test_importing_the_package_imports_nothing_heavy():
-    code = "import shipland, sys; print([name for name in ('numpy', 'mujoco', 'cv2', 'scipy') if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
-    assert done.stdout.strip() == "[]"
+def test_what_the_package_gives_is_listed_and_nothing_else():
     assert set(shipland.__all__) <= set(dir(shipland))
     with pytest.raises(AttributeError, match="load_scenario"):
         _ = shipland.no_such_thing

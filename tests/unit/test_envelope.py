@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -35,7 +36,9 @@ GRID = EnvelopeGrid((10.0, 20.0, 30.0), (0.0, 90.0), runs=4, most=16)
 BAD = replace(GOOD, landed=False, in_square=False, cause="hard", reason="touched down too hard", sink_mps=3.0)
 
 
-DECK = deck_statistics(load_scenario("rig-natops"))
+@cache
+def deck():
+    return deck_statistics(load_scenario("rig-natops"))
 
 
 def base(name="rig-natops", **sections):
@@ -56,7 +59,7 @@ def flown(monkeypatch):
         return seeded(GOOD if good else NOWHERE, flight.seed)
 
     make_up_flights(monkeypatch, land)
-    monkeypatch.setattr("shipland.envelopes.deck_statistics", lambda _: DECK)
+    monkeypatch.setattr("shipland.envelopes.deck_statistics", lambda _: deck())
     return seen
 
 
@@ -189,8 +192,8 @@ def test_the_study_flies_a_direction_and_draws_both(flown, unarranged, tmp_path,
 
 
 def test_deck_amplitudes_are_those_of_its_sines():
-    assert DECK["roll_deg"] == pytest.approx(8.0 * math.sqrt(2.0), rel=0.01)
-    assert DECK["pitch_deg"] == pytest.approx(3.0 * math.sqrt(2.0), rel=0.01)
+    assert deck()["roll_deg"] == pytest.approx(8.0 * math.sqrt(2.0), rel=0.01)
+    assert deck()["pitch_deg"] == pytest.approx(3.0 * math.sqrt(2.0), rel=0.01)
 
 
 @pytest.mark.parametrize(

@@ -37,6 +37,7 @@ def flown(tmp_path, monkeypatch):
         (asked.out / f"{asked.scenario}.json").write_text(json.dumps([row]))
 
     monkeypatch.setattr(own_landing, "PARTS", tmp_path)
+    monkeypatch.setattr(own_landing, "digest", lambda _: "of the code")
     monkeypatch.setattr(own_landing.subprocess, "run", run)
     monkeypatch.setenv("SHIPLAND_ARDUCOPTER", "/opt/arducopter")
     return commands

@@ -50,7 +50,7 @@ def test_a_flight_s_picture_has_its_size_and_the_modes_colours(whole, tmp_path):
     ],
     ids=["no truth", "nothing seen", "one row", "ended before contact"],
 )
-def test_what_is_missing_is_left_out(records, verdict, tmp_path):
+def test_what_is_missing_is_left_out(records, verdict, unarranged, tmp_path):
     plot_flight(tmp_path / "plots.png", log_of(records, verdict), PARAMETERS)  # warnings are errors here
     assert picture(tmp_path / "plots.png").std() > 5.0
 

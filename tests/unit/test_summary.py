@@ -113,36 +113,39 @@ def grey_chase(truth):
     return np.full((540, 640, 3), 90, np.uint8)
 
 
-def test_a_flight_leaves_its_folder(unarranged, tmp_path):
-    with Recorder(tmp_path / "out", INFO, RIG, CAMERA, QUICK, grey_chase) as recorder:
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """What the last two seconds of a flight leave."""
+    path = tmp_path_factory.mktemp("flown") / "out"
+    with Recorder(path, INFO, RIG, CAMERA, QUICK, grey_chase) as recorder:
         for record in flight(from_s=33.0):
             recorder.append(record)
         recorder.finish(VERDICT, "on the deck", {"see": 0.25})
     assert recorder.problems == []
+    return path
+
+
+def test_a_flight_leaves_its_folder(folder):
     names = {"flight.mcap", "flight.mp4", "foxglove-layout.json", "plots.png", "summary.json", "timing.json"}
-    assert {path.name for path in (tmp_path / "out").iterdir()} == names
-    told = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert {path.name for path in folder.iterdir()} == names
+    told = json.loads((folder / "summary.json").read_text())
     assert told["touchdown"]["reason"] == VERDICT.reason
     assert told["cycles"] == 60
-    timing = json.loads((tmp_path / "out" / "timing.json").read_text())
+    timing = json.loads((folder / "timing.json").read_text())
     assert timing["stages"]["see"] == {"total_s": 0.25, "per_cycle_ms": pytest.approx(250.0 / 60.0, abs=1e-4)}
     assert {"log", "video", "chase"} <= set(timing["stages"])
 
 
-def test_the_figures_follow_from_the_log_alone_and_are_the_same_twice(unarranged, tmp_path):
-    texts = []
-    for name in ("a", "b"):
-        with Recorder(tmp_path / name, INFO, RIG, CAMERA, QUICK, video=False) as recorder:
-            for record in flight(from_s=33.0, pictures=False):
-                recorder.append(record)
-            recorder.finish(VERDICT, "on the deck")
-        log = read_log(tmp_path / name / "flight.mcap")
-        configuration = log.header.info.table()
-        write_json(tmp_path / "again.json", summarise(log, "on the deck"), configuration=configuration)
-        texts += [(tmp_path / name / "summary.json").read_bytes(), (tmp_path / "again.json").read_bytes()]
-    assert len(set(texts)) == 1
-    assert (tmp_path / "a" / "flight.mcap").read_bytes() == (tmp_path / "b" / "flight.mcap").read_bytes()
-    assert (tmp_path / "a" / "plots.png").read_bytes() == (tmp_path / "b" / "plots.png").read_bytes()
+def test_the_figures_follow_from_the_log_alone_and_are_the_same_twice(folder, tmp_path):
+    with Recorder(tmp_path / "out", INFO, RIG, CAMERA, QUICK, video=False) as recorder:
+        for record in flight(from_s=33.0):
+            recorder.append(record)
+        recorder.finish(VERDICT, "on the deck")
+    for name in ("flight.mcap", "plots.png", "summary.json"):
+        assert (tmp_path / "out" / name).read_bytes() == (folder / name).read_bytes(), name
+    log = read_log(folder / "flight.mcap")
+    write_json(tmp_path / "again.json", summarise(log, "on the deck"), configuration=log.header.info.table())
+    assert (tmp_path / "again.json").read_bytes() == (folder / "summary.json").read_bytes()
 
 
 def test_ctrl_c_leaves_everything_of_what_was_flown(unarranged, tmp_path):

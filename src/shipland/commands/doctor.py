@@ -112,8 +112,8 @@ def _autopilots() -> Iterator[Finding]:
 
 
 def _priority() -> Iterator[Finding]:
-    """Whether set-points may leave before other processes' work: `vehicles.pace.go_first`."""
-    tried = "import sys; from shipland.vehicles.pace import go_first; sys.exit(not go_first('process'))"
+    """Whether set-points may leave before other processes' work: `vehicles.priority.go_first`."""
+    tried = "import sys; from shipland.vehicles.priority import go_first; sys.exit(not go_first('process'))"
     # in a process of its own, which takes the priority with it
     done = subprocess.run([sys.executable, "-c", tried], check=False, timeout=60)  # noqa: S603
     if done.returncode == 0:

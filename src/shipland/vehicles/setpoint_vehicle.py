@@ -14,8 +14,9 @@ from shipland.errors import VehicleError
 from shipland.messages import Frame, GimbalAttitude, GroundTruth, PilotCommand, Telemetry, TouchdownVerdict
 from shipland.vehicles.camera_stream import CameraStream, PictureSource
 from shipland.vehicles.link_vehicle import LinkVehicle
-from shipland.vehicles.pace import First, Pace
+from shipland.vehicles.pace import Pace
 from shipland.vehicles.parameters import SetpointParameters
+from shipland.vehicles.priority import First
 from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
 from shipland.vehicles.wanted import HeadingSetPoint
 

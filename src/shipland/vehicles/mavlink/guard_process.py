@@ -26,7 +26,7 @@ from contextlib import suppress
 from shipland.errors import VehicleError
 from shipland.vehicles.mavlink.guard import Guard, Orders
 from shipland.vehicles.mavlink.ports import Place, Port, Sender
-from shipland.vehicles.pace import go_first
+from shipland.vehicles.priority import go_first
 
 _RECORD_BYTES = 70_000
 _START_S = 20.0

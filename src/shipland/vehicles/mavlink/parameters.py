@@ -11,8 +11,8 @@ from shipland.config import build, key, parameters, require
 from shipland.errors import VehicleError
 from shipland.guidance.response import Response
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4
-from shipland.vehicles.pace import First
 from shipland.vehicles.parameters import SetpointParameters, measured
+from shipland.vehicles.priority import First
 
 
 @parameters
