@@ -29,7 +29,7 @@ class Nowhere:
     def __init__(self) -> None:
         self.sent: list[bytes] = []
 
-    def receive(self) -> tuple[bytes, object] | None:
+    def receive(self) -> tuple[bytes, object, float] | None:
         """Nothing comes by itself."""
         time.sleep(0.05)
         return None

@@ -521,6 +521,33 @@ def test_a_pilot_at_the_sticks_has_the_autopilots_own_landing_and_keeps_the_mode
             assert autopilot.report()["mode"] == mode
 
 
+def test_the_autopilots_own_landing_is_not_asked_for_in_a_mode_that_a_person_chose_unheard() -> None:
+    with bench(engagement=Engagement(take=True, own_landing=True)) as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.5, 0.0, 0.0, 0.0, 0.0)
+        autopilot.say("mute 1.2")
+        time.sleep(0.4)
+        autopilot.say("mode 5")
+        assert not fly(vehicle, 5.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert "took over: LOITER" in vehicle.end_reason
+        assert autopilot.report()["mode"] == 5
+
+
+def test_a_pilot_at_the_sticks_has_it_alone_after_a_flight_that_has_ended() -> None:
+    """Nor does the guard of the link hold then."""
+    with bench(video_timeout_s=0.5) as (vehicle, autopilot, camera):
+        vehicle.open()
+        camera.frozen = True
+        assert until(lambda: vehicle.read() is None)
+        autopilot.say("deaf 100")
+        autopilot.say("sticks 1500 1700")
+        assert until(lambda: vehicle.in_command.startswith("nobody"))
+        time.sleep(0.2)
+        before = set_points(autopilot)
+        time.sleep(1.0)
+        assert set_points(autopilot) == before
+
+
 def test_a_mode_that_a_person_chose_unheard_is_not_taken_away_by_our_end() -> None:
     with bench() as (vehicle, autopilot, _):
         vehicle.open()
@@ -562,6 +589,16 @@ def test_a_second_vehicle_and_a_second_shipland_are_no_start(ids: tuple[int, int
         found = [check for check in vehicle.checks() if check.name.startswith("one ")]
         assert [check.name for check in found] == ([name] if name else [])
         assert all(not check.ok and words in check.words for check in found)
+
+
+def test_a_second_vehicle_with_the_same_system_id_is_no_start() -> None:
+    with bench() as (vehicle, _, _):
+        vehicle.connect()
+        attitude = dialect.MAVLink_attitude_message(10**6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        vehicle.session.link.take(Codec(1, 1).encode(attitude), vehicle.session.link._peer, time.monotonic())
+        until(lambda: vehicle.session.state.clock.restarts)
+        (check,) = [check for check in vehicle.checks() if check.name == "one vehicle"]
+        assert not check.ok
 
 
 @pytest.mark.parametrize(("kind", "mode"), [("ardupilot", 17), ("px4", 4 << 16 | 3 << 24)])

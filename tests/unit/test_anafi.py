@@ -224,6 +224,29 @@ def test_a_landing_of_anothers_high_in_our_own_is_a_takeover(tmp_path: Path) -> 
         assert until(lambda: {"stop": True} in asked(log))
 
 
+def test_a_landing_of_its_own_that_has_ended_is_over(tmp_path: Path) -> None:
+    """The next descent is flown, and another's landing in it is a takeover again."""
+    with vehicle(tmp_path) as (flown, log):
+        flown.open()
+        now_s, down = time.monotonic(), (0.0, 0.0, -40.0, 0.0)
+        flown._asked_s = now_s - 5.0  # for long it did not sink
+        for state in ("landing", "hovering"):
+            flown._state = "landing" if state == "landing" else flown._state
+            flown._on_record(flying(state) | {"t_s": now_s}, b"")
+        assert fly_until(flown, lambda: {"sticks": [0, 0, 0, -40]} in asked(log), *down, intent=Intent.LAND)
+        flown._on_record(flying("landing") | {"t_s": time.monotonic()}, b"")
+        assert flown.end_reason == "somebody else lands the ANAFI: landing"
+
+
+def test_what_fails_at_the_end_does_not_keep_the_process_alive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with vehicle(tmp_path) as (flown, _):
+        flown.open()
+        monkeypatch.setattr(flown, "_leave", lambda: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            flown.close()
+        assert flown._process._process.poll() is not None
+
+
 MALFORMED = [
     {"kind": "picture", "stamp_s": 1.0, "size_px": "ab", "planes": "NV12"},
     {"kind": "picture", "stamp_s": 1.0, "size_px": [64, 36, 3], "planes": "NV12"},

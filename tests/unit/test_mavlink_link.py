@@ -3,9 +3,11 @@
 import io
 import itertools
 import math
+import socket
 import sys
 import threading
 import time
+from contextlib import closing, nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,8 +19,10 @@ sys.path.append(str(Path(__file__).parents[2] / "tools"))
 
 from fuzz_link import OURS, STRANGER, Nowhere, fuzz  # noqa: E402
 
+from shipland.camera import Camera  # noqa: E402
 from shipland.config import packaged_toml  # noqa: E402
 from shipland.errors import ConfigError, VehicleError  # noqa: E402
+from shipland.vehicles.address import Address, VehicleSetup, vehicle_table  # noqa: E402
 from shipland.vehicles.gimbal import gimbal_at  # noqa: E402
 from shipland.vehicles.mavlink.control import Control  # noqa: E402
 from shipland.vehicles.mavlink.link import LinkCounts, read_key  # noqa: E402
@@ -26,6 +30,7 @@ from shipland.vehicles.mavlink.parameters import MavlinkParameters, VehicleLimit
 from shipland.vehicles.mavlink.ports import Place  # noqa: E402
 from shipland.vehicles.mavlink.session import Session, advice_on_silence  # noqa: E402
 from shipland.vehicles.mavlink.setpoints import attitude_message  # noqa: E402
+from shipland.vehicles.mavlink.setup import MavlinkSetup  # noqa: E402
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState  # noqa: E402
 from shipland.vehicles.mavlink.telemetry import telemetry_of  # noqa: E402
 from shipland.vehicles.wanted import HeadingSetPoint, Wanted  # noqa: E402
@@ -146,11 +151,11 @@ def test_answers_to_another_ground_station_are_not_ours() -> None:
 
 def test_no_mode_is_asked_for_while_the_present_one_is_not_known() -> None:
     """A heartbeat that is old may hide a person's mode."""
-    for age_s, sent in ((0.5, 1), (2.0, 0)):
+    for age_s, sent in ((0.0, 1), (0.5, 0)):
         made, port, _ = session()
         feed(made, heartbeat(), time.monotonic() - age_s)
-        made.command(m.MAV_CMD_DO_SET_MODE, 1, 5)
-        made.hand_over(0)
+        assert made.command(m.MAV_CMD_DO_SET_MODE, 1, 5) == bool(sent)
+        assert made.hand_over(0) == bool(sent)
         assert len(port.sent) == 2 * sent
         made.command(m.MAV_CMD_COMPONENT_ARM_DISARM, 1)
         assert len(port.sent) == 2 * sent + 1
@@ -341,6 +346,19 @@ def test_a_landing_that_is_denied_is_not_ours_when_a_person_sets_it() -> None:
         assert (control.lands(landing), control.lost) == (not lost, lost)
 
 
+def test_a_guided_mode_that_ends_the_autopilots_own_landing_is_a_persons() -> None:
+    """A ground station's, whose button to stop sets it: a landing is not asked for again."""
+    control = Control(80)
+    guided, landing = (AutopilotState(autopilot=ARDUPILOT, mode=mode, armed=True) for mode in (4, 9))
+    control.begin(guided, asking=True)
+    control.see(guided, guided)
+    control.hands_over = True
+    control.see(guided, landing)
+    assert control.answers_for(landing)
+    control.see(landing, guided)
+    assert control.lost == "the pilot took over: GUIDED"
+
+
 def test_a_clock_that_runs_slow_does_not_make_telemetry_look_old() -> None:
     made, _, codec = session()
     made.link.take(heartbeat().pack(codec), OURS, 0.0)
@@ -413,11 +431,24 @@ def test_ports_and_keys(tmp_path: Path) -> None:
     for wrong in ("udp:127.0.0.1", "udp:127.0.0.1:0", "mqtt:host:1", "serial:57600"):
         with pytest.raises(ConfigError, match="expected"):
             Place.of(wrong)
+    server = socket.create_server(("127.0.0.1", 0))
+    with server, closing(Place.of("tcp:127.0.0.1:{1}".format(*server.getsockname())).open()) as port:
+        # what waits for an end that does not answer is given up: a command must not come late
+        assert 0 < port._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) <= 3000
     secret = tmp_path / "key"
     secret.write_text("correct horse\n")
     assert len(read_key(secret)) == 32
     with pytest.raises(ConfigError, match="cannot be read"):
         read_key(tmp_path / "none")
+
+
+@pytest.mark.parametrize(("baud", "carries"), [(57600, True), (19200, False)])
+def test_a_serial_line_that_is_too_slow_for_set_points_is_refused(baud: int, carries: bool) -> None:
+    """They would be later and later, which the checklist cannot see: none leaves before the flight."""
+    address = Address.parse(f"mavlink://serial:/dev/ttyUSB0:{baud}?camera=/dev/video0")
+    setup = VehicleSetup(address, Camera.from_fov(1280, 720, 69.0), vehicle_table(None))
+    with nullcontext() if carries else pytest.raises(ConfigError, match="39000 baud"):
+        MavlinkSetup.of(setup)
 
 
 @pytest.mark.parametrize(

@@ -64,5 +64,5 @@ class LinkVehicle(ABC):
         if self._closed:
             return
         self._closed = True
-        self._leave()
-        self._stack.close()
+        with self._stack:
+            self._leave()

@@ -62,7 +62,7 @@ class AnafiVehicle(LinkVehicle):
         self._state = ""
         self._heard_s = self._given_s = self._pictured_s = self._gimbal_s = self._still_s = self._asked_s = -math.inf
         self._answers = self._watched = False
-        self._landing = self._at_contact_height = self._asked_to_land = False
+        self._landing = self._at_contact_height = False
         self._problem = ""
         self._in_command = "somebody else (not given to us yet)"
         self._refused = 0
@@ -145,7 +145,7 @@ class AnafiVehicle(LinkVehicle):
             now_s = time.monotonic()
             command = unless_late(command, now_s)
             self._landing, self._at_contact_height = command.intent is Intent.LAND, command.at_contact_height
-            by_itself = self._landing and self._asked_to_land  # its own landing wants no sticks
+            by_itself = self._landing and "landing" in self._state  # its own landing wants no sticks
             self._process.say({"sticks": [0, 0, 0, 0] if by_itself else sticks_of(command)})
             if math.isfinite(command.gimbal_pitch_rad) and now_s - self._gimbal_s >= _GIMBAL_S:
                 self._gimbal_s = now_s
@@ -189,7 +189,7 @@ class AnafiVehicle(LinkVehicle):
         elif not command.at_contact_height or "landing" in self._state:
             return  # what holds it up in the air is no deck
         elif now_s - max(self._still_s, self._asked_s) > _LANDED_S:
-            self._asked_to_land, self._asked_s = True, now_s
+            self._asked_s = now_s
             assert self._process is not None
             self._process.say({"land": True})
 
@@ -254,27 +254,28 @@ class AnafiVehicle(LinkVehicle):
             gimbal = gimbal_of(values)
             self._gimbals.append((true_s, gimbal.roll_rad, gimbal.pitch_rad))
             return
-        before, self._telemetry = self._telemetry, merged(self._telemetry, kind, values, true_s)
+        before, was = self._telemetry, self._state
+        self._telemetry = merged(before, kind, values, true_s)
         if kind == "attitude":
             self._attitudes.append(true_s)
         elif kind == "flying":
             self._state = str(values["state"])
         if self._watched:
-            self._judge(kind, values, flew=before.flying)
+            self._judge(kind, values, was, flew=before.flying)
 
-    def _judge(self, kind: str, values: Mapping[str, Any], *, flew: bool) -> None:
+    def _judge(self, kind: str, values: Mapping[str, Any], was: str, *, flew: bool) -> None:
         """End the flight when the aircraft is down, or does what we did not command; from our own take-off on."""
-        low = self._asked_to_land or (self._landing and self._at_contact_height)
+        asked = time.monotonic() - self._asked_s <= _LANDED_S
+        ours = "landing" in was or asked or (self._landing and self._at_contact_height)
         if kind == "home" and values["state"] in ("inProgress", "pending"):
             reason = f"the ANAFI flies home by itself: {values.get('reason', '')}"
             self._end(reason, "the ANAFI itself (returns home)", yielded=True)
         elif kind != "flying":
             return
         elif flew and not self._telemetry.flying:
-            landed = self._landing or self._asked_to_land
-            reason = "landed: the motors have stopped" if landed else "the motors have stopped"
+            reason = "landed: the motors have stopped" if ours or self._landing else "the motors have stopped"
             self._end(reason, "nobody: the motors have stopped", yielded=True)
-        elif "landing" in self._state and not low:  # high over the deck, our sticks begin no landing of its own
+        elif "landing" in self._state and not ours:  # high over the deck, our sticks begin no landing of its own
             self._end(f"somebody else lands the ANAFI: {self._state}", "somebody else (landing)", yielded=True)
 
     def _take_picture(self, record: Mapping[str, Any], data: bytes) -> None:

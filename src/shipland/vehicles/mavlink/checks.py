@@ -77,6 +77,9 @@ def _others(session: Session, setup: MavlinkSetup) -> list[Check]:
         words = ", ".join(map(str, vehicles))
         words = f"also heard: system {words}; which is flown is left to chance: state ?system="
         lines.append(Check("one vehicle", False, words))
+    if session.state.clock.restarts:
+        words = "the autopilot's clock went back: it has restarted, or two vehicles speak with the same system id"
+        lines.append(Check("one vehicle", False, words))
     if link.own in link.others:
         system, component = link.own
         words = f"another program speaks as system {system}, component {component}: a second shipland on this vehicle?"

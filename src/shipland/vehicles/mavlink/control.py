@@ -68,7 +68,7 @@ class Control:
             self.lose("the autopilot has restarted")
         elif before.armed and not after.armed:
             self.lose(MOTORS_STOPPED)
-        elif not ours:
+        elif not ours or (self.lands(before) and not self.lands(after)):
             self.lose(f"the pilot took over: {mode_name(after)}")
         elif after.sticks_us is not before.sticks_us and self._moved_sticks(after.sticks_us):
             self.by_sticks = True

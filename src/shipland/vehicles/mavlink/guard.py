@@ -85,8 +85,15 @@ class Guard:
         """End of our process."""
         self._turn_s = self._beat_s = self._ask_s = -math.inf
         self._asks = 0
-        self.asked = False
-        """Whether the holding mode was ever requested."""
+        self.taken = False
+        """Whether the vehicle was taken while our process was silent: it is not ours again, whatever mode comes."""
+
+    @property
+    def news(self) -> str:
+        """What our process is to know, in words; empty where nothing happened without it."""
+        if self.taken:
+            return "the vehicle was taken while our process had fallen silent"
+        return "our process had fallen silent, so its guard asked for a mode that holds" if self._ask_s > 0.0 else ""
 
     def hear_us(self, data: bytes, now_s: float) -> None:
         """What leaves for the vehicle; a set-point in a mode that obeys it begins the watch."""
@@ -107,7 +114,8 @@ class Guard:
             armed = message.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED
             self._heard_s = now_s
             self._hold = self._holds.get(message.custom_mode & self._orders.mode_mask) if armed else None
-            if self._hold is None:
+            if self._hold is None and self._set_point_s is not None:
+                self.taken = now_s - self._set_point_s > self._orders.gap_s
                 self._set_point_s = None
 
     def lose_us(self, now_s: float) -> None:
@@ -145,7 +153,7 @@ class Guard:
         silent = self._gone_s is not None or now_s - self._set_point_s >= self._orders.silence_s
         # only straight after a heartbeat of our mode: a mode that a person chose since must not be taken away
         if silent and heard_ago_s < _FRESH_S and self._asks < _ASKS and now_s - self._ask_s >= _ASK_S:
-            self._asks, self._ask_s, self.asked = self._asks + 1, now_s, True
+            self._asks, self._ask_s = self._asks + 1, now_s
             messages.append(self._ask)
         return [self._codec.encode(message) for message in messages]
 

@@ -8,8 +8,8 @@ that ends us, and goes when our end of the socket is closed and nothing is left 
 
 PLACE is as in `mavlink://PLACE`, SOCKET the number of an inherited SOCK_SEQPACKET socket. Its records begin with a
 letter. To the process: D, a message; W and orders, or W alone. From it: R (port open; 1: a stream), E (why it could not
-be opened), D, P (what it did in our place, in words). After D stands the length of the other end's address, the
-address, and the bytes.
+be opened), D, P (what went on without us, in words). After D stand when it was sent or came (`time.monotonic`), the
+length of the other end's address, the address, and the bytes.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import os
 import select
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import time
@@ -32,16 +33,21 @@ _RECORD_BYTES = 70_000
 _START_S = 20.0
 """Timeout of opening the port: on a busy machine, to a TCP end that answers late."""
 _GOODBYE_S = 2.0
+_LATE_S = 0.5
+"""A message of ours that has waited for longer is not sent: a line that is slow, or a process that stood still, would
+fly what was decided for another time."""
+_HEAD = struct.Struct("<cdB")
 
 
 def _message_record(peer: str, data: bytes) -> bytes:
     address = peer.encode()
-    return b"D" + bytes([len(address)]) + address + data
+    return _HEAD.pack(b"D", time.monotonic(), len(address)) + address + data
 
 
-def _message_of(record: bytes) -> tuple[str, bytes]:
-    end = 2 + record[1]
-    return record[2:end].decode(), record[end:]
+def _message_of(record: bytes) -> tuple[str, bytes, float]:
+    _, at_s, length = _HEAD.unpack_from(record)
+    end = _HEAD.size + length
+    return record[_HEAD.size : end].decode(), record[end:], at_s
 
 
 class GuardedPort:
@@ -55,7 +61,8 @@ class GuardedPort:
     def __init__(self, place: str) -> None:
         Place.of(place)
         self.problem = ""
-        """What is wrong at our end, or was done in our place; empty while all is well."""
+        """What is wrong at our end, or went on without us: the flight is over; empty while all is well."""
+        self._watched = False
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         command = [sys.executable, "-P", "-m", __name__, place, str(theirs.fileno())]
         paths = os.pathsep.join(filter(None, sys.path))  # the very code that runs here
@@ -90,15 +97,15 @@ class GuardedPort:
             raise VehicleError(words)
         return record[1:] == b"1"
 
-    def receive(self) -> tuple[bytes, object] | None:
-        """Bytes and their sender, within a tenth of a second; None where nothing came."""
+    def receive(self) -> tuple[bytes, object, float] | None:
+        """Bytes, their sender and when they came, within a tenth of a second; None where nothing came."""
         if not self._poll.poll(100):
             return None
         with suppress(BlockingIOError, ConnectionError):
             record = self._socket.recv(_RECORD_BYTES)
             if record[:1] == b"D":
-                peer, data = _message_of(record)
-                return data, peer
+                peer, data, came_s = _message_of(record)
+                return data, peer, came_s
             if record[:1] == b"P":
                 self.problem = record[1:].decode()
             elif not record:
@@ -112,6 +119,9 @@ class GuardedPort:
 
     def watch(self, orders: Orders | None) -> None:
         """Hold the vehicle when no set-point of ours comes any more; None: silence is meant from now on."""
+        if orders is None and not self._watched:
+            return
+        self._watched = orders is not None
         with suppress(OSError):  # it has ended: `receive` says so
             self._socket.send(b"W" + (b"" if orders is None else orders.to_json()))
 
@@ -171,10 +181,13 @@ class _Relay:
         except OSError:  # it went with messages unread; what it sent before comes next
             return
         if record[:1] == b"D":
-            self._peer, data = _message_of(record)
+            self._peer, data, sent_s = _message_of(record)
+            taken, now_s = self._guard is not None and self._guard.taken, time.monotonic()
+            if taken or now_s - sent_s > _LATE_S:
+                return
             self._send(data)
             if self._guard is not None:
-                self._guard.hear_us(data, time.monotonic())
+                self._guard.hear_us(data, now_s)
         elif record[:1] == b"W":
             self._guard = Guard(Orders.from_json(record[1:]), self._port.stream) if record[1:] else None
         else:
@@ -191,10 +204,9 @@ class _Relay:
 
     def _tell(self) -> None:
         """What our process is to know when it wakes."""
-        if self._guard is not None and self._guard.asked and not self._reported:
-            words = "our process had fallen silent, so its guard asked for a mode that holds"
+        if self._guard is not None and self._guard.news and not self._reported:
             with suppress(OSError):  # full until our process reads: later
-                self._ours.send(b"P" + words.encode())
+                self._ours.send(b"P" + self._guard.news.encode())
                 self._reported = True
 
 

@@ -156,7 +156,7 @@ class MavlinkLink:
                 time.sleep(0.1)
                 continue
             if got is not None:
-                self.take(got[0], got[1], time.monotonic())
+                self.take(*got)
 
     def _write(self, data: bytes) -> None:
         if self._log is not None:

@@ -13,8 +13,8 @@ PX4_HOLD, PX4_PRECISION_LAND = 3, 9
 """Sub-modes of AUTO."""
 LAND = 9
 """ArduPilot's own landing."""
-MODE_KNOWN_S = 1.5
-"""A heartbeat older than this does not tell the present mode, which may be a person's by now: no mode is asked for."""
+MODE_KNOWN_S = 0.3
+"""An older heartbeat does not tell the present mode, which may be a person's by now: no mode is asked for."""
 _NAMES = {
     ARDUPILOT: {
         0: "STABILIZE", 1: "ACRO", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 5: "LOITER", 6: "RTL", 7: "CIRCLE",

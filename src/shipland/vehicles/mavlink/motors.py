@@ -6,12 +6,13 @@ import math
 
 from shipland.messages import Intent, PilotCommand
 from shipland.vehicles.mavlink.dialect import dialect
-from shipland.vehicles.mavlink.modes import MODE_KNOWN_S
 from shipland.vehicles.mavlink.parameters import MavlinkParameters
 from shipland.vehicles.mavlink.session import FORCE, Session
 from shipland.vehicles.mavlink.state import AutopilotState
 from shipland.vehicles.touchdown import ContactSignals, GroundContact, TouchdownParameters, TouchdownWatch
 
+_ANSWERED_S = 1.5
+"""Oldest answered question of the time that counts: on a link that lags, what seems new is old."""
 _RANGE_S = 1.0
 """Largest age of a rangefinder's reading that counts."""
 
@@ -39,8 +40,8 @@ class MotorStop:
             range_m=state.range_m if now_s - state.range_t_s <= _RANGE_S else None,
         )
         contact = self._watch.see(touch)
-        # on a link that lags, what seems new is old: it may have been taken over, and off the deck, since
-        known = now_s - state.heartbeat_s <= MODE_KNOWN_S and now_s - state.asked_s <= MODE_KNOWN_S
+        # otherwise it may have been taken over, and off the deck, since
+        known = self._session.mode_known and now_s - state.asked_s <= _ANSWERED_S
         if contact is GroundContact.STANDS and state.armed and known:
             self._disarm(state, now_s)
         elif contact is GroundContact.NONE:

@@ -15,6 +15,8 @@ _RECEIVE_BYTES = 65536
 _CONNECT_S = 5.0
 _SEND_S = 0.1
 """How long a line may take to accept a message."""
+_UNHEARD_MS = 3000
+"""A TCP end that confirms nothing for so long is given up with what waits for it: commands must not come late."""
 
 Sender = tuple[str, int]
 """Host and port, or device and baud rate."""
@@ -91,6 +93,7 @@ class TcpPort(_SocketPort):
         except OSError as error:
             raise VehicleError(f"cannot connect to {host}:{port}: {error.strerror or error}") from None
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNHEARD_MS)
         self._socket.settimeout(_SEND_S)
         self._sender = (host, port)
 

@@ -162,15 +162,20 @@ class Session:
                 raise VehicleError(f"{otherwise} within {timeout_s:g} s")
             time.sleep(0.02)
 
-    def command(self, number: int, *parameters: float) -> None:
-        """Send COMMAND_LONG; its acknowledgement shows in the state.
+    @property
+    def mode_known(self) -> bool:
+        """Whether a heartbeat has just shown the present mode."""
+        return time.monotonic() - self.state.heartbeat_s <= MODE_KNOWN_S
 
-        No mode is asked for while the present one is not known: a person may have chosen it since.
+    def command(self, number: int, *parameters: float) -> bool:
+        """Send COMMAND_LONG; its acknowledgement shows in the state. Whether it was sent.
+
+        A mode is asked for only while the present one is known: a person may have chosen another since.
         """
-        if number == _SET_MODE and time.monotonic() - self.state.heartbeat_s > MODE_KNOWN_S:
-            return
+        if number == _SET_MODE and not self.mode_known:
+            return False
         values = [*map(float, parameters), *[0.0] * (7 - len(parameters))]
-        self.link.send(dialect.MAVLink_command_long_message(self.link.vehicle, AUTOPILOT, number, 0, *values))
+        return self.link.send(dialect.MAVLink_command_long_message(self.link.vehicle, AUTOPILOT, number, 0, *values))
 
     def ask(self, number: int, *parameters: float, timeout_s: float = 3.0, unless: Callable[[], bool] = _never) -> int:
         """Send a command and wait for its MAV_RESULT, sending again each second.
@@ -192,8 +197,7 @@ class Session:
                 return result
             if unless():
                 return -1
-            if now_s >= again_s:
-                self.command(number, *parameters)
+            if now_s >= again_s and self.command(number, *parameters):
                 again_s = now_s + 1.0
             check_stop()
             time.sleep(0.01)
@@ -207,21 +211,19 @@ class Session:
     def ask_hold(self, is_ours: Callable[[AutopilotState], bool]) -> None:
         """Ask for a mode in which the vehicle holds its place by itself, until it has left ours.
 
-        Only straight after a heartbeat, as the link's guard does: a mode that a person chose since must not be taken
-        away. Where it is refused, as without a position, the last set-point stands until the autopilot's own timeout.
+        Where it is refused, as without a position, the last set-point stands until the autopilot's own timeout.
 
         Args:
             is_ours: whether a state's mode is ours to end.
         """
-        heard_s, answers = self.state.heartbeat_s, self.state.answers(_SET_MODE)
+        answers = self.state.answers(_SET_MODE)
         end_s, again_s = time.monotonic() + _HOLD_ANSWER_S, -math.inf
         while (now_s := time.monotonic()) < end_s:
             state = self.state
             if not is_ours(state) or state.denied(_SET_MODE, answers):
                 return
-            if state.heartbeat_s > heard_s and now_s >= again_s:
-                self.command(_SET_MODE, 1, *self._hold_mode)
-                heard_s, again_s = state.heartbeat_s, now_s + _HOLD_AGAIN_S
+            if now_s >= again_s and self.command(_SET_MODE, 1, *self._hold_mode):
+                again_s = now_s + _HOLD_AGAIN_S
             time.sleep(0.01)
 
     @property
@@ -253,8 +255,8 @@ class Session:
             beat=packed(_heartbeat()),
         )
 
-    def hand_over(self, attempt: int) -> None:
-        """Ask for a mode that obeys the sticks; without waiting for the answer.
+    def hand_over(self, attempt: int) -> bool:
+        """Ask for a mode that obeys the sticks, without waiting for the answer; whether it was asked for.
 
         Args:
             attempt: from 0; a mode that keeps the place may be refused for want of one, and then the height is kept.
@@ -264,7 +266,7 @@ class Session:
             mode = PX4_POSITION if patient else PX4_ALTITUDE
         else:
             mode = LOITER if patient else ALT_HOLD
-        self.command(_SET_MODE, 1, mode, 0)
+        return self.command(_SET_MODE, 1, mode, 0)
 
     def read_parameters(self, names: Sequence[str], enough: Callable[[Mapping[str, float]], bool]) -> dict[str, float]:
         """The values of those parameters that the vehicle has.

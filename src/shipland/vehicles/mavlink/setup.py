@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,12 +17,15 @@ from shipland.vehicles.frame_link import FrameSource
 from shipland.vehicles.mavlink.guard_process import GuardedPort
 from shipland.vehicles.mavlink.link import read_key
 from shipland.vehicles.mavlink.parameters import MavlinkParameters
+from shipland.vehicles.mavlink.ports import Place
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.state import AutopilotState
 from shipland.vehicles.touchdown import TouchdownParameters
 
 OPTIONS = ("camera", "latency_s", "mount_deg", "kind", "system", "key", "take", "takeoff", "own_landing")
 """What may stand after the ? of a mavlink:// address."""
+_SET_POINT_BITS = 780
+"""Of the longest set-point on a serial line: 78 bytes with its signature."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +99,13 @@ class MavlinkSetup:
         take_off_m = address.number("takeoff", 0.0)
         if not 0.0 <= take_off_m <= 50.0:
             raise ConfigError(f"mavlink://…?takeoff={take_off_m:g}: expected 0 to 50 m")
+        parameters = build(MavlinkParameters, setup.section("mavlink"), "vehicles.mavlink")
+        line, least_baud = Place.of(address.place), math.ceil(_SET_POINT_BITS * parameters.setpoint_hz)
+        if line.kind == "serial" and line.number < least_baud:  # what leaves would be later and later
+            raise ConfigError(
+                f"mavlink://{address.place}: {parameters.setpoint_hz:g} set-points a second want {least_baud} baud or "
+                "more; raise it, or lower setpoint_hz in [mavlink]"
+            )
         return MavlinkSetup(
             place=address.place,
             vehicle=int(system) or None,
@@ -107,7 +118,7 @@ class MavlinkSetup:
             fixed_pitch_rad=setup.fixed_pitch_rad,
             open_timeout_s=stream.open_timeout_s,
             engagement=Engagement(address.flag("take"), take_off_m, address.flag("own_landing")),
-            parameters=build(MavlinkParameters, setup.section("mavlink"), "vehicles.mavlink"),
+            parameters=parameters,
             touchdown=build(TouchdownParameters, table["touchdown"], "vehicles.touchdown"),
             preflight=build(PreflightParameters, table["preflight"], "vehicles.preflight"),
             response_table=table["response"],

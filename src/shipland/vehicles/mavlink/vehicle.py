@@ -115,6 +115,7 @@ class MavlinkVehicle(SetpointVehicle):
         session.link.port.watch(session.guard_orders(hz, gap_s, silence_s))
         self._start_stream(self._setup.source)
         self._await_picture(self._setup.open_timeout_s, "it keeps silent")
+        self._stack.callback(session.link.port.watch, None)  # once the set-points have stopped
         self._start_set_points("mavlink-set-points", parameters.goes_first)
 
     def _engage(self) -> None:
@@ -141,7 +142,6 @@ class MavlinkVehicle(SetpointVehicle):
             until_s = time.monotonic() + 3.0 * _HAND_OVER_S
             while self._control.by_sticks and time.monotonic() < until_s:
                 time.sleep(0.02)  # the set-points' thread is asking for a mode that obeys the pilot
-            session.link.port.watch(None)
 
     def checks(self) -> list[Check]:
         """What of link, camera and vehicle is fit to fly; once connected."""
@@ -183,11 +183,11 @@ class MavlinkVehicle(SetpointVehicle):
 
     def _end(self, reason: str) -> None:
         """No more frames; the first reason stands. Where control is still ours, set-points to hold go on."""
+        port = self.session.link.port
+        if self._control.lost:
+            port.watch(None)  # silence is meant from now on
         if not self._end_reason:
-            port = self.session.link.port
-            self._end_reason = f"{reason}; {port.problem}" if port.problem else reason
-            if self._control.lost:
-                port.watch(None)  # silence is meant from now on
+            self._end_reason = "; ".join(filter(None, (reason, port.problem)))
             with self._lock:
                 self._command = None
 
@@ -221,6 +221,8 @@ class MavlinkVehicle(SetpointVehicle):
         if now_s - self._asked_s >= _ASK_TIME_S:
             self._asked_s = now_s
             session.ask_time()
+        if session.link.port.problem:
+            self._end("")
         state = session.state
         if step_s > self._parameters.setpoint_gap_s:
             self._awake_s = now_s  # what came while this process stood still is not read yet
@@ -252,8 +254,7 @@ class MavlinkVehicle(SetpointVehicle):
         """Ask for a mode that obeys the pilot's sticks, until it has one; what is chosen after that is left alone."""
         if not (obeys_us(state) or self._control.lands(state)):
             self._control.by_sticks = False
-        elif now_s - self._handed_s > _HAND_OVER_S:
-            self.session.hand_over(self._hand_overs)
+        elif now_s - self._handed_s > _HAND_OVER_S and self.session.hand_over(self._hand_overs):
             self._handed_s, self._hand_overs = now_s, self._hand_overs + 1
 
     def _may_command(self, state: AutopilotState) -> bool:
@@ -282,7 +283,7 @@ class MavlinkVehicle(SetpointVehicle):
         """Ask for the autopilot's own landing while the pilot lands; until it is given, the pilot's goes on."""
         if not landing:
             self._control.hands_over = False
-        elif now_s - self._handed_s > _HAND_OVER_S:
+        elif now_s - self._handed_s > _HAND_OVER_S and self.session.mode_known:
             self._control.hands_over = True
             self.session.command(dialect.MAV_CMD_DO_SET_MODE, 1, *own_landing(state))
             self._handed_s = now_s
