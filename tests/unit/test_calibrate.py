@@ -141,6 +141,15 @@ def test_too_few_pictures(tmp_path):
         calibrate((tmp_path,), Board("9x6", SQUARE_M), tmp_path / "camera.yaml")
 
 
+def test_boards_that_all_stand_alike_settle_no_focal_length(tmp_path):
+    frontal = photograph(board_texture(False), (0.0, 0.0, 0.0))
+    for number in range(6):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), frontal)
+    with pytest.raises(DataError, match="do not settle a camera"):
+        calibrate([tmp_path], Board("9x6", SQUARE_M), tmp_path / "camera.yaml")
+    assert not (tmp_path / "camera.yaml").exists()
+
+
 def test_a_part_of_a_larger_board_is_found_here_and_there_and_the_whole_is_named(tmp_path):
     for number, view in enumerate(VIEWS[:2]):
         cv2.imwrite(str(tmp_path / f"{number}.png"), photograph(board_texture(False, (9, 9)), view))

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import struct
 from pathlib import Path
 
 import cv2
@@ -251,6 +252,20 @@ def test_a_video_that_ends_too_early_says_how_much_was_read(tmp_path, bar_image,
     cut.write_bytes(cut.read_bytes()[:-200])
     assert See((cut,)).run() == 1
     assert "cut.mp4 breaks off after picture" in capsys.readouterr().err
+
+
+def test_a_film_that_was_taken_upright_is_turned_as_a_player_shows_it(tmp_path):
+    upper = np.zeros((48, 64, 3), np.uint8)
+    upper[:24] = 200
+    path = write_film(tmp_path / "upright.mp4", [upper] * 2)
+    data = bytearray(path.read_bytes())
+    matrix = data.index(b"tkhd") + 44
+    quarter = struct.pack(">9i", 0, 1 << 16, 0, -1 << 16, 0, 0, 0, 0, 1 << 30)  # to the right
+    data[matrix : matrix + len(quarter)] = quarter
+    path.write_bytes(data)
+    _, turned = next(read_video(path))
+    assert turned.shape == (64, 48, 3)
+    assert turned[:, 30:].min() > 150 > 50 > turned[:, :18].max()
 
 
 def test_sizes_that_do_not_fit_the_calibration(tmp_path, bar_image):

@@ -185,6 +185,14 @@ def calibrate(paths: Sequence[Path], board: Board, out: Path) -> Calibration:
     return result
 
 
+_LEAST_TURN_RAD = math.radians(10.0)
+"""Least angle between the boards of two of the views."""
+_UNSETTLED = (
+    "the pictures do not settle a camera; expected views of one flat board from different sides: "
+    "tilt it by 20–40° about either axis"
+)
+
+
 @dataclass(frozen=True)
 class _Fit:
     camera: Camera
@@ -229,10 +237,11 @@ def _fit(views: list[View], size: tuple[int, int]) -> _Fit:
                 break
         camera = Camera(*size, np.asarray(matrix, float), coefficients)
     except (cv2.error, ValueError):
-        raise DataError(
-            "the pictures do not settle a camera; expected views of one flat board from different sides: "
-            "tilt it by 20–40° about either axis"
-        ) from None
+        raise DataError(_UNSETTLED) from None
+    # Boards that all stand alike fit many a focal length, and the deviation of the one that is found says nothing.
+    normals = np.array([cv2.Rodrigues(rotation)[0][:, 2] for rotation in rotations])
+    if np.min(normals @ normals.T) > math.cos(_LEAST_TURN_RAD):
+        raise DataError(_UNSETTLED)
     residuals_px: list[Array] = [
         np.asarray(
             cv2.projectPoints(view.board_m, rotation, translation, camera.matrix, camera.distortion)[0].reshape(-1, 2),

@@ -192,7 +192,7 @@ def _scan_of(data: bytes) -> int:
 
 
 def read_video(path: Path) -> Generator[tuple[float, Picture], None, None]:
-    """A video's pictures with their times: t [s] and (H,W,3) BGR.
+    """A video's pictures with their times: t [s] and (H,W,3) BGR, turned as the file says.
 
     Raises:
         DataError: it is missing, not a video, or breaks off.
@@ -212,7 +212,8 @@ def read_video(path: Path) -> Generator[tuple[float, Picture], None, None]:
             expected = stream.frames or round((container.duration or 0) * 1e-6 / step_s)
             for picture in container.decode(stream):
                 t_s = picture.time if picture.time is not None else count * step_s
-                yield float(t_s), np.asarray(picture.to_ndarray(format="bgr24"), np.uint8)
+                pixels = np.asarray(picture.to_ndarray(format="bgr24"), np.uint8)
+                yield float(t_s), np.ascontiguousarray(np.rot90(pixels, round(picture.rotation / 90.0)))
                 count += 1
     except (av.error.FFmpegError, OSError) as error:
         place = f"breaks off after picture {count - 1}" if count else "is not a video that can be read"
