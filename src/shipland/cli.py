@@ -124,6 +124,9 @@ def main() -> None:
     """Entry point. An error prints one line, exit 2; after Ctrl-C and its like the files are complete, exit 130."""
     # Matrices here are small: threads of their own would only spin. Before NumPy is imported; workers inherit it.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal without ° or – shows ? in their place
+            stream.reconfigure(errors="replace")
     try:
         _refuse_former(sys.argv[1:])
         command = parsed(sys.argv[1:])

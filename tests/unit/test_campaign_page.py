@@ -105,6 +105,7 @@ def test_a_reason_cannot_end_the_script(tmp_path):
     cell = made_up(tmp_path)[0]
     bad = replace(cell.landings[16], reason="</script><b>x")
     text = campaign_page([replace(cell, landings=(bad,))], ABOUT, {}, tmp_path)
+    assert "1 cell, 1 pilot. " in text
     assert "</script><b>" not in text
     assert json.loads(data_of(text))["flights"][0][7] == "</script><b>x"
 

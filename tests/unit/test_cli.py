@@ -137,6 +137,15 @@ BAD_VALUE = "[wind]\nmean_mps = -3.0\n"
         (("synth", "--out", "set", "--seed", "-1"), "--seed must be 0 or more"),
         (("evaluate", "--seed", "-1"), "--seed must be 0 or more"),
         (("train", "--data", "set", "--out", "run", "--minutes", "0"), "--minutes must be positive"),
+        (("campaign", "--minutes", "-1"), "--minutes must be positive"),
+        (("campaign", "--minutes", "nan"), "--minutes must be positive"),
+        (("envelope", "near", "--every-deg", "100"), "--every-deg must divide 360°"),
+        (("envelope", "near", "--every-deg", "1e-6"), "--every-deg must divide 360°"),
+        (("envelope", "near", "--finest-kn", "1e-4"), "--finest-kn must be 0.1 or more"),
+        (("fly", "--wind-mps", "9"), "--set wind.mean_mps"),
+        (("fly", "--calibration", "camera.yaml"), "give --vehicle too"),
+        (("fly", "--check"), "give --vehicle too"),
+        (("fly", "--vehicle", "replay://film.mp4", "--wind-mps=-9"), "--wind-mps must be 0 or more"),
         (("campaign", "--out", "file.txt/out"), "cannot be written"),
         (("see", "picture.png", "--csv", "file.txt/poses.csv"), "poses.csv: Not a directory"),
         (("compare", "here", "there"), "holds no campaign"),
@@ -162,6 +171,13 @@ def test_bad_input_is_one_line_and_exit_2(arguments, words, tmp_path, here, monk
     assert line.startswith("shipland: ")
     assert "\n" not in line
     assert words in line
+
+
+def test_letters_that_a_terminal_does_not_know_are_replaced():
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run([sys.executable, "-m", "shipland", "config"], capture_output=True, text=True, env=environment)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "?" in done.stdout
 
 
 def test_see_prints_one_json_line_a_picture(tmp_path, here):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -75,9 +76,11 @@ class Envelope(CampaignOptions):
         from shipland.evaluation.envelope import EnvelopeGrid
         from shipland.evaluation.suite import Overrides, SuiteEntry
 
-        if not 0.0 < self.every_deg <= 360.0:
-            raise ConfigError(f"--every-deg must be in 0…360, got {self.every_deg:g}")
-        count = int(360.0 / self.every_deg + 1e-9)
+        count = round(360.0 / self.every_deg) if 1.0 <= self.every_deg <= 360.0 else 0
+        if not math.isclose(count * self.every_deg, 360.0):
+            raise ConfigError(f"--every-deg must divide 360° into equal steps of 1° or more, got {self.every_deg:g}")
+        if not self.finest_kn >= 0.1:
+            raise ConfigError(f"--finest-kn must be 0.1 or more, got {self.finest_kn:g}")
         directions = tuple(round(index * self.every_deg, 3) for index in range(count))
         grid = EnvelopeGrid(
             _numbers("wind-kn", self.wind_kn), directions, self.rate, self.runs, self.most, self.finest_kn

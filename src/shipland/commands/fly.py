@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shipland.commands.options import ScenarioOptions, checked_seed, command_line
-from shipland.errors import DataError
+from shipland.errors import ConfigError, DataError
 from shipland.extras import installed
 
 if TYPE_CHECKING:
@@ -58,8 +58,8 @@ class Fly(ScenarioOptions):
     """OpenCV calibration file of the vehicle's camera."""
     vehicle_config: Path | None = None
     """TOML file laid over the settings of vehicles, such as what `shipland identify` writes."""
-    wind_mps: float = 5.0
-    """Wind that a vehicle outside is to expect, gusts included."""
+    wind_mps: float | None = None
+    """Wind that a vehicle is to expect, gusts included; 5 when not given. The simulator's: --set wind.mean_mps=5."""
     live: bool = False
     """Show the flight in Foxglove as it happens, on this machine alone; a simulated one waits a minute for a viewer and
     then keeps the clock's pace."""
@@ -80,6 +80,7 @@ class Fly(ScenarioOptions):
         from shipland.scenario.autonomy import response_of
         from shipland.scenario.real_vehicle import Keys, identified
 
+        self._refuse_what_has_no_effect()
         scenario, vehicle = self.load(), None
         response = None
         if self.vehicle is None and self.vehicle_config is not None:
@@ -124,6 +125,19 @@ class Fly(ScenarioOptions):
             raise DataError(f"the flight is not on record as asked: {'; '.join(flight.problems)}")
         return 0 if flight.success else 1
 
+    def _refuse_what_has_no_effect(self) -> None:
+        """ConfigError for an option of vehicles in a simulated flight, and for a wind that is none."""
+        if self.wind_mps is not None and not (math.isfinite(self.wind_mps) and self.wind_mps >= 0.0):
+            raise ConfigError(f"--wind-mps must be 0 or more, got {self.wind_mps:g}")
+        if self.vehicle is not None:
+            return
+        if self.wind_mps is not None:
+            raise ConfigError(
+                "--wind-mps is what a --vehicle is to expect; the simulator's wind: --set wind.mean_mps=5"
+            )
+        if self.check or self.calibration is not None:
+            raise ConfigError("--check and --calibration are of a vehicle: give --vehicle too")
+
     def _live(self, scenario: Scenario, vehicle: Vehicle | None, terminal: Terminal, stack: ExitStack) -> LiveView:
         """The live view, which the stack closes; for a simulated flight once somebody looks, or a minute has gone."""
         from shipland.camera import Camera
@@ -158,6 +172,7 @@ class Fly(ScenarioOptions):
         from shipland.vehicles.checks import Check
         from shipland.vehicles.vehicle import Real
 
+        wind_mps = 5.0 if self.wind_mps is None else self.wind_mps
         # an earlier flight's messages are its record
         log = self.out / ("check.tlog" if self.check else "link.tlog")
         vehicle = make_vehicle(address, scenario, self.calibration, self.vehicle_config, log)
@@ -174,7 +189,7 @@ class Fly(ScenarioOptions):
         try:
             time.sleep(_LISTENING_S)
             table = vehicle_table(self.vehicle_config)
-            checks = checklist(vehicle, scenario, self.calibration, self.wind_mps, table)
+            checks = checklist(vehicle, scenario, self.calibration, wind_mps, table)
             checks.insert(0, Check("rehearsal", True, rehearsed.reason))
             terminal.say(*(check.line() for check in checks))
             if not self.check:

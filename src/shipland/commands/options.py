@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import tyro
 
 from shipland.errors import ConfigError
+from shipland.learning.arguments import positive
 
 if TYPE_CHECKING:
     from shipland.learning.shot import ShipAndCamera
@@ -75,6 +76,7 @@ class CampaignOptions:
         """What `fly` gives with so many processes, with none what there is; and whether a person stopped it."""
         if self.workers < 1:
             raise ConfigError(f"--workers must be at least 1, got {self.workers}")
+        positive(minutes=self.minutes)
         try:
             return fly(0 if self.print_only else self.workers), False
         except KeyboardInterrupt:

@@ -112,6 +112,7 @@ def campaign_page(
     suites = ", ".join(dict.fromkeys(cell.suite for cell in cells if cell.suite)) or "a grid of the command line"
     flights, machine = sum(len(cell.landings) for cell in cells), about["machine"]
     area, flown = area_of(cell.rig for cell in cells), PageFlights(cells, folder)
+    groups = len({cell.group for cell in cells})
     keys = "".join(
         f'<span class="key"><i style="background:{colour_of(index)}"></i>{html.escape(pilot)}</span>'
         for index, pilot in enumerate(pilots)
@@ -119,7 +120,8 @@ def campaign_page(
     tables = [html_of_table(leaderboard(cells, oracle_rates)), html_of_table(rivals(cells))]
     parts = [
         f"<h1>Landings: {html.escape(suites)}</h1>",
-        f'<p class="dim">{flights} flights, {len({cell.group for cell in cells})} cells, {len(pilots)} pilots. '
+        f'<p class="dim">{flights} flights, {groups} cell{"s" * (groups > 1)}, {len(pilots)} pilot'
+        f"{'s' * (len(pilots) > 1)}. "
         f"<code>{html.escape(about['command'])}</code><br>{html.escape(machine['processor'])}, "
         f"{machine['cores']} cores, {html.escape(machine['platform'])}</p><p>{keys}</p>",
         "<h2>Pilots</h2>",
