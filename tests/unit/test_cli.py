@@ -138,6 +138,7 @@ BAD_VALUE = "[wind]\nmean_mps = -3.0\n"
         (("evaluate", "--seed", "-1"), "--seed must be 0 or more"),
         (("train", "--data", "set", "--out", "run", "--minutes", "0"), "--minutes must be positive"),
         (("campaign", "--minutes", "-1"), "--minutes must be positive"),
+        (("campaign", "near", "--print-only", "--out", "nowhere"), "nowhere does not exist"),
         (("campaign", "--minutes", "nan"), "--minutes must be positive"),
         (("envelope", "near", "--every-deg", "100"), "--every-deg must divide 360°"),
         (("envelope", "near", "--every-deg", "1e-6"), "--every-deg must divide 360°"),

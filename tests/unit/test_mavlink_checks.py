@@ -21,6 +21,7 @@ def test_every_vehicle_has_a_wind_that_it_cannot_hold(own: dict[str, object]) ->
     assert wind_check(most_mps - 0.1, response, 0.6).ok
     assert not wind_check(most_mps + 0.1, response, 0.6).ok
     assert not wind_check(math.nan, response, 0.6).ok
+    assert not wind_check(-1.0, response, 0.6).ok
     line = wind_check(0.0, replace(response, drag_per_s=0.0), 0.6)
     assert not line.ok
     assert "unknown" in line.words

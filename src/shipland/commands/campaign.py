@@ -59,7 +59,7 @@ class Campaign(CampaignOptions):
         """Fly and print; 0 when everything asked for is flown, 1 when not."""
         if self.suite and self.scenario:
             raise ConfigError("give either a suite (`shipland suites` names them) or --scenario")
-        found, stopped = self.flown(self._campaign)
+        found, stopped = self.flown(self._campaign, self.out)
         print((self.out / "tables.md").read_text(encoding="utf-8"), end="")
         picture = "landings.png" if installed("plots") else "(no landings.png: pip install 'shipland[plots]')"
         files = f"tables.md, flights.csv, and for each cell a folder with landings.csv, table.md, {picture} and logs"

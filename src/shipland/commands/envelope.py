@@ -60,7 +60,7 @@ class Envelope(CampaignOptions):
         from shipland.evaluation.campaign import write_rows
         from shipland.report.envelope import write_envelopes
 
-        found, stopped = self.flown(self._envelopes)
+        found, stopped = self.flown(self._envelopes, self.out)
         write_rows(self.out / "flights.csv", found.cells)
         if found.envelopes:
             picture = installed("plots")

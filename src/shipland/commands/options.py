@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import tyro
 
-from shipland.errors import ConfigError
+from shipland.errors import ConfigError, DataError
 from shipland.learning.arguments import positive
 
 if TYPE_CHECKING:
@@ -72,8 +72,10 @@ class CampaignOptions:
         """Of `minutes`; 0 without one."""
         return 60.0 * (self.minutes or 0.0)
 
-    def flown(self, fly: Callable[[int], Flown]) -> tuple[Flown, bool]:
-        """What `fly` gives with so many processes, with none what there is; and whether a person stopped it."""
+    def flown(self, fly: Callable[[int], Flown], out: Path) -> tuple[Flown, bool]:
+        """What `fly` gives with so many processes, with none what `out` holds; and whether a person stopped it."""
+        if self.print_only and not out.is_dir():
+            raise DataError(f"{out} does not exist: nothing was flown there")
         if self.workers < 1:
             raise ConfigError(f"--workers must be at least 1, got {self.workers}")
         positive(minutes=self.minutes)

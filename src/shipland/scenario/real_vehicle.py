@@ -161,7 +161,7 @@ def wind_check(wind_mps: float, response: Response, share: float) -> Check:
         return Check("wind", False, f"{wind_mps:g} m/s expected; {words}")
     most_mps = share * GRAVITY_MPS2 * math.tan(tilt_rad) / drag_per_s
     words = f"{wind_mps:g} m/s expected, at most {most_mps:.1f} at {math.degrees(tilt_rad):.0f}° of tilt"
-    return Check("wind", wind_mps <= most_mps, words)
+    return Check("wind", 0.0 <= wind_mps <= most_mps, words)
 
 
 def require_passed(checks: list[Check]) -> None:
