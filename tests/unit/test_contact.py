@@ -216,12 +216,15 @@ RESPONSE = packaged_toml("vehicles")["response"]["attitude"] | {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("asked_s", "stopped"), [(99.5, True), (98.0, False), (math.nan, False)])
-def test_motors_stop_only_where_the_link_is_known_to_be_quick(asked_s, stopped, monkeypatch) -> None:
+@pytest.mark.parametrize(
+    ("asked_s", "heartbeat_s", "stopped"),
+    [(99.5, 99.9, True), (98.0, 99.9, False), (math.nan, 99.9, False), (99.5, 99.6, False)],
+)
+def test_motors_stop_only_where_link_and_mode_are_known(asked_s, heartbeat_s, stopped, monkeypatch) -> None:
     sent: list[int] = []
     session: Any = SimpleNamespace(command=lambda number, *_: sent.append(number))
     motors = MotorStop(session, MavlinkParameters(), LIMITS, HOVER)
     monkeypatch.setattr(motors, "_watch", SimpleNamespace(see=lambda _: GroundContact.STANDS))
-    state = AutopilotState(armed=True, heartbeat_s=99.9, asked_s=asked_s)
+    state = AutopilotState(armed=True, heartbeat_s=heartbeat_s, asked_s=asked_s)
     motors.look(None, state, 100.0)
     assert bool(sent) == stopped

@@ -13,8 +13,7 @@ PX4_HOLD, PX4_PRECISION_LAND = 3, 9
 """Sub-modes of AUTO."""
 LAND = 9
 """ArduPilot's own landing."""
-MODE_KNOWN_S = 0.3
-"""An older heartbeat does not tell the present mode, which may be a person's by now: no mode is asked for."""
+_MODE_KNOWN_S = 0.3
 _NAMES = {
     ARDUPILOT: {
         0: "STABILIZE", 1: "ACRO", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 5: "LOITER", 6: "RTL", 7: "CIRCLE",
@@ -22,6 +21,11 @@ _NAMES = {
     },
     PX4: {1: "MANUAL", PX4_ALTITUDE: "ALTITUDE", PX4_POSITION: "POSITION", PX4_OFFBOARD: "OFFBOARD"},
 }  # fmt: skip
+
+
+def mode_known(state: AutopilotState, now_s: float) -> bool:
+    """Whether a heartbeat has just shown the mode: after an older one it may be a person's by now."""
+    return now_s - state.heartbeat_s <= _MODE_KNOWN_S
 
 
 def mode_name(state: AutopilotState) -> str:

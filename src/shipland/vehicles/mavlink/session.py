@@ -21,12 +21,12 @@ from shipland.vehicles.mavlink.modes import (
     GUIDED,
     GUIDED_NOGPS,
     LOITER,
-    MODE_KNOWN_S,
     PX4_ALTITUDE,
     PX4_AUTO,
     PX4_HOLD,
     PX4_OFFBOARD,
     PX4_POSITION,
+    mode_known,
 )
 from shipland.vehicles.mavlink.setpoints import AUTOPILOT, level_message, velocity_message
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState, RefusedError, absorb
@@ -162,17 +162,12 @@ class Session:
                 raise VehicleError(f"{otherwise} within {timeout_s:g} s")
             time.sleep(0.02)
 
-    @property
-    def mode_known(self) -> bool:
-        """Whether a heartbeat has just shown the present mode."""
-        return time.monotonic() - self.state.heartbeat_s <= MODE_KNOWN_S
-
     def command(self, number: int, *parameters: float) -> bool:
         """Send COMMAND_LONG; its acknowledgement shows in the state. Whether it was sent.
 
         A mode is asked for only while the present one is known: a person may have chosen another since.
         """
-        if number == _SET_MODE and not self.mode_known:
+        if number == _SET_MODE and not mode_known(self.state, time.monotonic()):
             return False
         values = [*map(float, parameters), *[0.0] * (7 - len(parameters))]
         return self.link.send(dialect.MAVLink_command_long_message(self.link.vehicle, AUTOPILOT, number, 0, *values))

@@ -283,10 +283,10 @@ class MavlinkVehicle(SetpointVehicle):
         """Ask for the autopilot's own landing while the pilot lands; until it is given, the pilot's goes on."""
         if not landing:
             self._control.hands_over = False
-        elif now_s - self._handed_s > _HAND_OVER_S and self.session.mode_known:
-            self._control.hands_over = True
-            self.session.command(dialect.MAV_CMD_DO_SET_MODE, 1, *own_landing(state))
-            self._handed_s = now_s
+            return
+        asked = dialect.MAV_CMD_DO_SET_MODE, 1, *own_landing(state)
+        if now_s - self._handed_s > _HAND_OVER_S and self.session.command(*asked):
+            self._control.hands_over, self._handed_s = True, now_s
 
     def _aim(self, command: PilotCommand | None, now_s: float) -> None:
         if command is not None and self._turns_camera(command.gimbal_pitch_rad, now_s):
