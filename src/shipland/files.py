@@ -81,6 +81,13 @@ def replacing(path: Path) -> Iterator[Path]:
         beside.unlink(missing_ok=True)
 
 
+def remove_unfinished(folder: Path) -> None:
+    """Remove what others that were killed had begun to write in a folder (`replacing`); none of them may write now."""
+    for beside in folder.rglob(".*.[0-9]*.part"):
+        if not beside.name.endswith(f".{os.getpid()}.part"):
+            beside.unlink(missing_ok=True)
+
+
 def write_atomically(path: Path, data: bytes) -> None:
     """Write `data` whole or not at all, and have it on the disk."""
     with replacing(path) as beside, beside.open("wb") as stream:

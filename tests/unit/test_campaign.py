@@ -175,7 +175,11 @@ def test_a_table_of_any_content_is_one_line(table, damage):
 def test_a_second_campaign_in_the_folder_is_refused(plan):
     with open_campaign(plan), pytest.raises(DataError, match="another campaign flies in this folder"):
         run_campaign(plan)
+    unfinished = plan.out / "flights" / ".1.mcap.14278.part"  # of a campaign that was killed
+    unfinished.parent.mkdir()
+    unfinished.touch()
     assert len(run_campaign(plan)) == 3
+    assert not unfinished.exists()
 
 
 def test_a_folder_that_cannot_be_written_is_one_line(plan, tmp_path):

@@ -21,7 +21,7 @@ from shipland import factories
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation.landing import COLUMNS, Landing, as_text, landing_from, row_of
 from shipland.factories import Factory
-from shipland.files import json_bytes, json_of, read_text, write_atomically
+from shipland.files import json_bytes, json_of, read_text, remove_unfinished, write_atomically
 from shipland.former import renamed
 from shipland.record.info import config_digest, file_digest
 from shipland.scenario.scenario import Scenario
@@ -153,7 +153,10 @@ def folder_in(out: Path, key: dict[str, Any]) -> CampaignFolder:
 
 @contextmanager
 def claimed(out: Path) -> Iterator[None]:
-    """A folder, made when missing, for this process alone; DataError when another has it or it cannot be written."""
+    """A folder, made when missing, for this process alone, without what one that was killed had begun to write.
+
+    DataError when another has it or it cannot be written.
+    """
     try:
         out.mkdir(parents=True, exist_ok=True)
         lock = os.open(out / ".lock", os.O_CREAT | os.O_RDWR, 0o644)
@@ -164,6 +167,7 @@ def claimed(out: Path) -> Iterator[None]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise DataError(f"{out}: another campaign flies in this folder; wait for it, or give another") from None
+        remove_unfinished(out)
         yield
     finally:
         os.close(lock)
