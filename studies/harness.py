@@ -291,7 +291,7 @@ def run(
 
 def _digests(study: Study) -> Callable[[Path], bytes]:
     """Digests of files as they are now, whatever is edited while a study runs."""
-    folders = *CODE, CAMPAIGNS, *(ROOT / part for part in study.files)
+    folders = *CODE, *(ROOT / part for part in study.files)
     return {file: file_digest(file) for folder in folders for file in _files_of(folder)}.__getitem__
 
 
