@@ -7,6 +7,7 @@ import pytest
 from studies import ORDER, harness, landings
 from test_campaign import GOOD, NOWHERE, seeded
 
+from shipland.evaluation.folder import campaign_key
 from shipland.scenario.scenario import load_scenario
 
 NAMES = sorted(path.stem for path in harness.CAMPAIGNS.glob("*.toml"))
@@ -78,3 +79,25 @@ def test_a_row_that_was_stopped_resumes_with_the_missing_flight(tmp_path, monkey
     monkeypatch.setattr(landings, "PARTS", tmp_path / "anew")
     assert study.measure(case, 2) == row
     assert flown == [1, None, 2, 1, 2]
+
+
+@pytest.mark.parametrize(("changed", "flown"), [((), [1, 11, 21]), ((11,), [1, 11, *range(2, 11), *range(12, 31)])])
+def test_flights_of_earlier_code_are_taken_over_where_every_tenth_comes_out_the_same(
+    tmp_path, monkeypatch, changed, flown
+):
+    scenario, sources, jobs = load_scenario("rig-natops"), iter("ab"), []
+
+    def land(job):
+        jobs.append(job.seed)
+        landing = seeded(GOOD if job.seed % 3 else NOWHERE, job.seed)
+        return replace(landing, time_s=99.0) if folder == "b" and job.seed in changed else landing
+
+    monkeypatch.setattr(landings, "PARTS", tmp_path)
+    monkeypatch.setattr(landings, "land_quietly", land)
+    monkeypatch.setattr(landings, "campaign_key", lambda *what: campaign_key(*what) | {"source": folder})
+    folder = next(sources)
+    before = landings.fly(scenario, "horizon", "geometric", 30)
+    folder, jobs = next(sources), []
+    after = landings.fly(scenario, "horizon", "geometric", 30)
+    assert jobs == (flown if changed else [*flown, 1])  # the last for what it imports
+    assert [it.seed for it in after if str(it) != str(before[it.seed - 1])] == list(changed)
