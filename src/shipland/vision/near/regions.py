@@ -206,16 +206,35 @@ def _cut(light: Image, inside: Image, parameters: VisionParameters) -> tuple[lis
 
     And the pixels that lie between floor and half, over those above.
     """
-    counts = cv2.calcHist([light], [0], inside, [256], [0, 256]).ravel()
-    counts[:FLOOR] = counts[255] = 0.0
-    if counts.sum() < parameters.min_side_px**2:
-        return [], 0.0
-    half = round(_HALF * int(np.searchsorted(np.cumsum(counts), _PEAK * counts.sum())))
-    if half < FLOOR:
-        return [], 0.0
-    left = float(counts[:half].sum() / counts[half:].sum())
-    above = cv2.bitwise_and(cv2.threshold(light, half - 1, 255, cv2.THRESH_BINARY)[1], inside)
-    return outlines(opened_and_closed(above, parameters.kernel_px), (0, 0), parameters), left
+    above: Image = np.empty(light.shape, np.uint8)
+    left = _write_above(light, inside, parameters.min_side_px**2, above)
+    found = [] if left < 0.0 else outlines(opened_and_closed(above, parameters.kernel_px), (0, 0), parameters)
+    return found, left
+
+
+@compiled
+def _write_above(light: Image, inside: Image, least_px2: float, above: Image) -> float:
+    """Write what lies above half of the peak inside of a mask; `left` of `_cut`, -1 where nothing does."""
+    counts = np.zeros(256, np.int64)
+    for row in range(len(light)):
+        for column in range(light.shape[1]):
+            counts[light[row, column]] += 1 if inside[row, column] else 0
+    counted = 0
+    for level in range(FLOOR, 255):
+        counted += counts[level]
+    peak, below, left = FLOOR, counts[FLOOR], 0
+    while peak < 254 and below < np.float32(_PEAK) * np.float32(counted):
+        peak += 1
+        below += counts[peak]
+    half = round(_HALF * peak)
+    if counted < least_px2 or half < FLOOR:
+        return -1.0
+    for level in range(FLOOR, half):
+        left += counts[level]
+    for row in range(len(light)):
+        for column in range(light.shape[1]):
+            above[row, column] = inside[row, column] if light[row, column] >= half else np.uint8(0)
+    return float(np.float32(left) / np.float32(counted - left))
 
 
 @compiled
@@ -236,7 +255,7 @@ def _has_rim(light: Image, beside: Image, contour: Contour) -> bool:
 
 def _cores(image: Image, light: Image, parameters: VisionParameters) -> list[Contour]:
     """White regions that the cue's colour surrounds."""
-    if cv2.countNonZero(cv2.inRange(light, 255, 255)) < parameters.min_side_px**2:
+    if np.count_nonzero(light == 255) < parameters.min_side_px**2:
         return []
     luma = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     mask = opened_and_closed(cv2.threshold(luma, _CORE - 1, 255, cv2.THRESH_BINARY)[1], parameters.kernel_px)
