@@ -16,7 +16,7 @@ from shipland.sim.scene.block import BLOCK_BYTES, RenderView, block
 from shipland.sim.scene.labels import Labels, area_px2, label
 from shipland.sim.scene.light import light
 from shipland.sim.scene.mirror import AroundShip
-from shipland.sim.scene.picture import lay_over, reduce
+from shipland.sim.scene.picture import hidden_behind, lay_over, reduce
 from shipland.sim.scene.sea import WaveTiles
 from shipland.sim.scene.ship import (
     ID_AIRCRAFT,
@@ -46,6 +46,8 @@ _LABEL_SAMPLES = 512
 _LAYER_SIZE = (2048, 1280)
 _WAKE_M = 400.0
 """Where the wake has faded to a twentieth: as in `sea.frag`."""
+_SEEN_BESIDE_PX = 8.0
+"""Margin about what the ship hides within which the sea's samples are seen, enlarged."""
 _LAYER_SAMPLES = 600_000
 """Most samples of the ship's layer that are supersampled; above, it is multisampled."""
 
@@ -198,7 +200,11 @@ class Scene:
         whole = RenderView(camera, eye, Crop(0, 0, camera.width_px, camera.height_px), 1, near_m, far_m, state.t_s)
         self._look(whole, state)
         blurs = self._background_blur(state, camera)
-        picture = self._background.draw(whole, around, blurs)
+        hidden = Crop(0, 0, 0, 0)
+        if crop is not None and layer is not None:
+            margin_px = _SEEN_BESIDE_PX + motion.longest_way_px(blurs[1], picture_corners(camera))
+            hidden = hidden_behind(layer, crop, margin_px)
+        picture = self._background.draw(whole, around, blurs, hidden)
         if crop is not None and layer is not None:
             lay_over(picture, layer, crop)
         self._weather(picture, state, camera)

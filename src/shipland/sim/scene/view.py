@@ -98,13 +98,17 @@ def _cut(corners: Array, values: Array) -> Array:
 
 
 def without(crop: Crop, inner: Crop) -> list[Crop]:
-    """Up to four parts of a crop that cover it without `inner`, which lies inside."""
-    right, bottom = inner.left + inner.width, inner.top + inner.height
+    """Up to four parts of a crop that cover it without `inner`."""
+    left, top = max(inner.left, crop.left), max(inner.top, crop.top)
+    right = min(inner.left + inner.width, crop.left + crop.width)
+    bottom = min(inner.top + inner.height, crop.top + crop.height)
+    if right <= left or bottom <= top:
+        return [crop]
     parts = [
-        Crop(crop.left, crop.top, crop.width, inner.top - crop.top),
+        Crop(crop.left, crop.top, crop.width, top - crop.top),
         Crop(crop.left, bottom, crop.width, crop.top + crop.height - bottom),
-        Crop(crop.left, inner.top, inner.left - crop.left, inner.height),
-        Crop(right, inner.top, crop.left + crop.width - right, inner.height),
+        Crop(crop.left, top, left - crop.left, bottom - top),
+        Crop(right, top, crop.left + crop.width - right, bottom - top),
     ]
     return [part for part in parts if part.area > 0]
 
