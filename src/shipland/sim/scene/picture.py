@@ -11,7 +11,6 @@ from shipland.frames import Array
 from shipland.sim.scene.tone import Light16
 from shipland.sim.scene.view import Crop
 
-
 _CELL_PX = 16
 """To how many pixels `hidden_behind` is."""
 

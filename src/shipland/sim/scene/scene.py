@@ -31,6 +31,7 @@ from shipland.sim.scene.spray import Spray
 from shipland.sim.scene.tone import Image, Light16, develop, encoded, sharpen
 from shipland.sim.scene.view import (
     Crop,
+    box_before,
     clipped_polygon,
     horizon_line,
     picture_corners,
@@ -193,7 +194,8 @@ class Scene:
             count = samples_a_px(crop, _LAYER_SIZE, _LAYER_SAMPLES, behind)
             self._ship.aim(camera, state)
             self._look(RenderView(camera, eye, crop, count, near_m, far_m, state.t_s), state)
-            layer = reduce(self._draw_ship(placed, state, camera, crop, count), crop, count)
+            seen = box_before(camera, corners, near_m, crop)
+            layer = reduce(self._draw_ship(placed, state, camera, crop, seen, count), crop, count)
             if blur:
                 shift = np.array([[1.0, 0.0, -crop.left], [0.0, 1.0, -crop.top], [0.0, 0.0, 1.0]])
                 layer = motion.average(layer, blur, shift)
@@ -230,24 +232,29 @@ class Scene:
         self._ship.draw(placed, state.ned_from_camera, mirrored=True)
         target.colour.build_mipmaps()
 
-    def _draw_ship(self, placed: list[Placed], state: SceneState, camera: Camera, crop: Crop, count: int) -> Light16:
+    def _draw_ship(
+        self, placed: list[Placed], state: SceneState, camera: Camera, crop: Crop, seen: Crop, count: int
+    ) -> Light16:
+        """The ship's light in a crop of the picture, of which all that is drawn lies in the part `seen`."""
         width, height = crop.width * count, crop.height * count
         direct = count == 1
-        size = _LAYER_SIZE
-        if direct:  # resolving takes as long as the target is large
-            quarters = max(-(-4 * width // camera.width_px), -(-4 * height // camera.height_px), 2)
-            size = -(-quarters * camera.width_px // 4), -(-quarters * camera.height_px // 4)
+        size = (camera.width_px, camera.height_px) if direct else _LAYER_SIZE
         target = self._target(*size, 4 if direct else 0)
         target.use(width, height)
         target.fbo.clear(viewport=(0, 0, width, height))
         self._ship.draw(placed, state.ned_from_camera)
         if self._spray is not None:
             self._spray.draw(state.t_s, state.ned_from_ship, state.ned_from_camera)
-        if direct:
-            resolved = self._target(*size, 0)
+        if not direct:
+            return target.read(0, 0, width, height)
+        layer, resolved = np.zeros((height, width, 4), np.uint16), self._target(*size, 0)
+        if seen.area > 0:
+            part = seen.left - crop.left, seen.top - crop.top, seen.width, seen.height
+            target.fbo.scissor = part  # resolving takes as long as what is resolved is large
             self._context.copy_framebuffer(resolved.fbo, target.fbo)
-            target = resolved
-        return target.read(0, 0, width, height)
+            target.fbo.scissor = None
+            layer[part[1] : part[1] + seen.height, part[0] : part[0] + seen.width] = resolved.read(*part)
+        return layer
 
     def _target(self, width_px: int, height_px: int, samples: int) -> gl.RenderTarget:
         key = (width_px, height_px, samples)

@@ -147,6 +147,24 @@ def screen_box(
     return Crop(int(left), int(top), int(width), int(height)) if width > 0 and height > 0 else None
 
 
+def box_before(camera: Camera, corners_in_camera_m: Array, near_m: float, crop: Crop) -> Crop:
+    """The part of a crop that holds what of boxes, of eight corners (8n,3) each, is not nearer than `near_m`."""
+    boxes = corners_in_camera_m.reshape(-1, 8, 3)
+    starts, ends = (boxes[:, one] for one in np.triu_indices(8, 1))
+    ahead, beyond = starts[..., 2] - near_m, ends[..., 2] - near_m
+    crosses = (ahead > 0.0) != (beyond > 0.0)
+    share = (ahead / np.where(crosses, ahead - beyond, 1.0))[..., None]
+    points = np.concatenate([boxes[boxes[..., 2] >= near_m], (starts + share * (ends - starts))[crosses]])
+    if not len(points):
+        return Crop(crop.left, crop.top, 0, 0)
+    pixels = points @ camera.matrix.T
+    pixels = pixels[:, :2] / pixels[:, 2:]
+    first, last = (crop.left, crop.top), (crop.left + crop.width, crop.top + crop.height)
+    left, top = np.clip(np.floor(pixels.min(axis=0) - 2.0), first, last).astype(int).tolist()
+    right, bottom = np.clip(np.ceil(pixels.max(axis=0) + 3.0), first, last).astype(int).tolist()
+    return Crop(left, top, right - left, bottom - top)
+
+
 def edge_lines(camera: Camera, camera_from_plane: Array, corners_m: Array) -> Array:
     """(4n,4) lines of the cue's edges in the picture: a u + b v + c = px inside the edge, last column zero.
 
