@@ -492,7 +492,7 @@ def test_waves_hide_the_hulls_foot_and_calm_water_does_not(seas) -> None:
                 placed = scene._ship.place(state, draw_aircraft=False)
                 scene._ship.aim(CAMERA, state)
                 scene._look(RenderView(CAMERA, state.ned_from_camera, crop, 1, 0.5, 50.0, state.t_s), state)
-                layer = scene._draw_ship(placed, state, CAMERA, crop, 1)
+                layer = scene._draw_ship(placed, state, CAMERA, crop, crop, 1)
             in_camera = (state.ned_from_camera.inverse() @ state.ned_from_ship).apply(stern)
             columns, rows = CAMERA.project(in_camera).round().astype(int).T
             seen.append(layer[rows, columns, 3] > 32768)

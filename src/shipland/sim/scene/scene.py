@@ -250,9 +250,7 @@ class Scene:
         layer, resolved = np.zeros((height, width, 4), np.uint16), self._target(*size, 0)
         if seen.area > 0:
             part = seen.left - crop.left, seen.top - crop.top, seen.width, seen.height
-            target.fbo.scissor = part  # resolving takes as long as what is resolved is large
-            self._context.copy_framebuffer(resolved.fbo, target.fbo)
-            target.fbo.scissor = None
+            gl.resolve(self._context, target, resolved, part)
             layer[part[1] : part[1] + seen.height, part[0] : part[0] + seen.width] = resolved.read(*part)
         return layer
 

@@ -56,7 +56,8 @@ class Sides:
         lines, sizes_px = np.empty((3, count, 2)), np.empty((3, count))
         _place_sides(quads_px, reach_px, lines, sizes_px)
         held = np.zeros(count, np.bool_) if held is None else held
-        return Sides(*lines, *sizes_px, held, quads_px.shape[1])
+        (middle_px, along, outward), (length_px, half_px, within_px) = lines, sizes_px
+        return Sides(middle_px, along, outward, length_px, half_px, within_px, held, quads_px.shape[1])
 
     def wider(self) -> Sides:
         """The same with pixels taken twice as far out, as far as the quadrilaterals allow."""
