@@ -16,6 +16,7 @@ from shipland.errors import SystemLibraryError
 from shipland.frames import CAMERA_FROM_MOUNT, Array, Pose, rotation_from_euler
 from shipland.rig import Rig
 from shipland.sim.scene import gl
+from shipland.sim.scene import scene as scene_module
 from shipland.sim.scene.block import RenderView
 from shipland.sim.scene.light import light
 from shipland.sim.scene.motion import homographies
@@ -492,10 +493,21 @@ def test_waves_hide_the_hulls_foot_and_calm_water_does_not(seas) -> None:
                 placed = scene._ship.place(state, draw_aircraft=False)
                 scene._ship.aim(CAMERA, state)
                 scene._look(RenderView(CAMERA, state.ned_from_camera, crop, 1, 0.5, 50.0, state.t_s), state)
-                layer = scene._draw_ship(placed, state, CAMERA, crop, 1)
+                layer = scene._draw_ship(placed, state, CAMERA, crop, crop, 1)
             in_camera = (state.ned_from_camera.inverse() @ state.ned_from_ship).apply(stern)
             columns, rows = CAMERA.project(in_camera).round().astype(int).T
             seen.append(layer[rows, columns, 3] > 32768)
         feet[name] = np.mean(seen)
     assert feet["calm"] == 1.0
     assert 0.2 < feet["rough"] < 0.8
+
+
+@pytest.mark.parametrize("ahead_m", [-1.2, -3.0, -8.0])
+def test_what_the_ship_hides_or_cannot_cover_need_not_be_drawn(ahead_m, seas, monkeypatch) -> None:
+    state = look((ahead_m, 0.3, -1.0), t_s=2.0)
+    for scene in seas.values():
+        spared = scene.light(state, CAMERA)
+        with monkeypatch.context() as all_drawn:
+            all_drawn.setattr(scene_module, "hidden_behind", lambda *_: Crop(0, 0, 0, 0))
+            all_drawn.setattr(scene_module, "box_before", lambda _, __, ___, crop: crop)
+            assert np.array_equal(spared, scene.light(state, CAMERA))

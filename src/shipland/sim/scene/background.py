@@ -70,10 +70,13 @@ class Background:
         self._long.write(self._waves.long_texels(t_s).tobytes())
         self._long.build_mipmaps()
 
-    def draw(self, view: RenderView, around: AroundShip | None, blurs: tuple[list[Array], list[Array]]) -> Light16:
+    def draw(
+        self, view: RenderView, around: AroundShip | None, blurs: tuple[list[Array], list[Array]], hidden: Crop
+    ) -> Light16:
         """The light (H,W,4) of the picture without the ship.
 
-        `around` is None where the water shows nothing of the ship; `blurs` are the maps of the sky and of the sea.
+        `around` is None where the water shows nothing of the ship; `blurs` are the maps of the sky and of the sea. What
+        is in `hidden` is undefined: it takes most of the time.
         """
         camera, eye = view.camera, view.ned_from_camera
         width, height = camera.width_px, camera.height_px
@@ -89,10 +92,11 @@ class Background:
         if first < height:
             glitters = self._glitters(view)
             parts = [whole] if around is None else without(whole, around.crop)
+            parts = [rest for part in parts for rest in without(part, hidden)]
             target = self._fill(self._sea[glitters], line, camera, _SEA_PX, parts)
             if around is not None:
-                polygon_px = picture_polygon(around.crop, line, 4.0)
-                self._draw_around_ship(target, view, around, polygon_px, glitters)
+                polygons_px = [picture_polygon(part, line, 4.0) for part in without(around.crop, hidden)]
+                self._draw_around_ship(target, view, around, polygons_px, glitters)
             sea = self._enlarged(target, camera, _SEA_PX, (first, height), blurs[1])
             picture[last:] = sea[last - first :]
         if last > first:
@@ -139,7 +143,7 @@ class Background:
         self._areas[program].render(moderngl.TRIANGLE_FAN, vertices=len(ndc))
 
     def _draw_around_ship(
-        self, target: gl.RenderTarget, view: RenderView, around: AroundShip, polygon_px: Array, glitters: bool
+        self, target: gl.RenderTarget, view: RenderView, around: AroundShip, polygons_px: list[Array], glitters: bool
     ) -> None:
         program = self._around[glitters]
         pose, hull, eye = around.ned_from_ship, around.hull, view.ned_from_camera
@@ -149,7 +153,8 @@ class Background:
         program["hull_plan"] = (*0.5 * (low + high), *0.5 * (high - low))
         program["picture_size"] = view.camera.width_px, view.camera.height_px
         program["mirror_area"], program["mirror_used"] = around.mirror.area, around.mirror.used
-        self._draw_polygon(program, polygon_px, target, _SEA_PX)
+        for polygon_px in polygons_px:
+            self._draw_polygon(program, polygon_px, target, _SEA_PX)
 
     @staticmethod
     def _enlarged(

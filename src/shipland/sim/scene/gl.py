@@ -91,6 +91,14 @@ class RenderTarget:
         return pixels
 
 
+def resolve(context: moderngl.Context, source: RenderTarget, drawn: RenderTarget, part: tuple[int, ...]) -> None:
+    """Average the samples of a part (left, top, width, height) of the bound target into another of its size."""
+    bound: Any = source.fbo
+    bound.scissor = part  # the time that it takes is its size's
+    context.copy_framebuffer(drawn.fbo, source.fbo)
+    bound.scissor = None
+
+
 def mipmapped(context: moderngl.Context, picture: npt.NDArray[np.uint8], *, layers: bool = False) -> Any:  # noqa: ANN401
     """A repeating trilinear texture from uint8 (H,W,C), or an array of them from (L,H,W,C) with `layers`."""
     if layers:

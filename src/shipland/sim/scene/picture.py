@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
+from shipland.compiled import compiled
 from shipland.frames import Array
 from shipland.sim.scene.tone import Light16
 from shipland.sim.scene.view import Crop
+
+_CELL_PX = 16
+"""To how many pixels `hidden_behind` is."""
 
 
 def horizon_rows(line: Array, width_px: int, height_px: int) -> tuple[int, int]:
@@ -37,6 +42,38 @@ def join_at_horizon(sky: Light16, sea: Light16, line: Array, rows: tuple[int, in
     edge = np.nonzero((below > 0.0) & (below < 1.0))
     cover = below[edge][:, None]
     part[edge] = (cover * sea[edge] + (1.0 - cover) * sky[edge] + np.float32(0.5)).astype(np.uint16)
+
+
+def hidden_behind(layer: Light16, crop: Crop, margin_px: float) -> Crop:
+    """The largest part of the picture, to some pixels, that a premultiplied layer (h,w,4) hides; empty for none.
+
+    `margin_px` lie between it and what the layer shows.
+    """
+    size = crop.width // _CELL_PX, crop.height // _CELL_PX
+    if min(size) < 1:
+        return Crop(crop.left, crop.top, 0, 0)
+    opaque = (layer[: size[1] * _CELL_PX, : size[0] * _CELL_PX, 3] == 65535).view(np.uint8)
+    cells = cv2.resize(255 * opaque, size, interpolation=cv2.INTER_AREA) == 255
+    left, top, width, height = (_CELL_PX * side for side in _largest_rectangle(cells))
+    margin = int(np.ceil(margin_px))
+    inner = max(width - 2 * margin, 0), max(height - 2 * margin, 0)
+    return Crop(crop.left + left + margin, crop.top + top + margin, *inner)
+
+
+@compiled
+def _largest_rectangle(cells: npt.NDArray[np.bool_]) -> tuple[int, int, int, int]:
+    """Left, top, width and height of the largest rectangle of true cells."""
+    above, best = np.zeros(cells.shape[1], np.int64), (0, 0, 0, 0)
+    for row in range(len(cells)):
+        for column in range(len(above)):
+            above[column] = above[column] + 1 if cells[row, column] else 0
+        for left in range(len(above)):
+            height = above[left]
+            for right in range(left, len(above)):
+                height = min(height, above[right])
+                if (right + 1 - left) * height > best[2] * best[3]:
+                    best = left, row + 1 - height, right + 1 - left, height
+    return best
 
 
 def reduce(layer: Light16, crop: Crop, samples_a_px: int) -> Light16:

@@ -16,7 +16,7 @@ from shipland.sim.scene.block import BLOCK_BYTES, RenderView, block
 from shipland.sim.scene.labels import Labels, area_px2, label
 from shipland.sim.scene.light import light
 from shipland.sim.scene.mirror import AroundShip
-from shipland.sim.scene.picture import lay_over, reduce
+from shipland.sim.scene.picture import hidden_behind, lay_over, reduce
 from shipland.sim.scene.sea import WaveTiles
 from shipland.sim.scene.ship import (
     ID_AIRCRAFT,
@@ -31,6 +31,7 @@ from shipland.sim.scene.spray import Spray
 from shipland.sim.scene.tone import Image, Light16, develop, encoded, sharpen
 from shipland.sim.scene.view import (
     Crop,
+    box_before,
     clipped_polygon,
     horizon_line,
     picture_corners,
@@ -46,6 +47,8 @@ _LABEL_SAMPLES = 512
 _LAYER_SIZE = (2048, 1280)
 _WAKE_M = 400.0
 """Where the wake has faded to a twentieth: as in `sea.frag`."""
+_SEEN_BESIDE_PX = 8.0
+"""Margin about what the ship hides within which the sea's samples are seen, enlarged."""
 _LAYER_SAMPLES = 600_000
 """Most samples of the ship's layer that are supersampled; above, it is multisampled."""
 
@@ -191,14 +194,19 @@ class Scene:
             count = samples_a_px(crop, _LAYER_SIZE, _LAYER_SAMPLES, behind)
             self._ship.aim(camera, state)
             self._look(RenderView(camera, eye, crop, count, near_m, far_m, state.t_s), state)
-            layer = reduce(self._draw_ship(placed, state, camera, crop, count), crop, count)
+            seen = box_before(camera, corners, near_m, crop)
+            layer = reduce(self._draw_ship(placed, state, camera, crop, seen, count), crop, count)
             if blur:
                 shift = np.array([[1.0, 0.0, -crop.left], [0.0, 1.0, -crop.top], [0.0, 0.0, 1.0]])
                 layer = motion.average(layer, blur, shift)
         whole = RenderView(camera, eye, Crop(0, 0, camera.width_px, camera.height_px), 1, near_m, far_m, state.t_s)
         self._look(whole, state)
         blurs = self._background_blur(state, camera)
-        picture = self._background.draw(whole, around, blurs)
+        hidden = Crop(0, 0, 0, 0)
+        if crop is not None and layer is not None:
+            margin_px = _SEEN_BESIDE_PX + motion.longest_way_px(blurs[1], picture_corners(camera))
+            hidden = hidden_behind(layer, crop, margin_px)
+        picture = self._background.draw(whole, around, blurs, hidden)
         if crop is not None and layer is not None:
             lay_over(picture, layer, crop)
         self._weather(picture, state, camera)
@@ -224,24 +232,27 @@ class Scene:
         self._ship.draw(placed, state.ned_from_camera, mirrored=True)
         target.colour.build_mipmaps()
 
-    def _draw_ship(self, placed: list[Placed], state: SceneState, camera: Camera, crop: Crop, count: int) -> Light16:
+    def _draw_ship(
+        self, placed: list[Placed], state: SceneState, camera: Camera, crop: Crop, seen: Crop, count: int
+    ) -> Light16:
+        """The ship's light in a crop of the picture, of which all that is drawn lies in the part `seen`."""
         width, height = crop.width * count, crop.height * count
         direct = count == 1
-        size = _LAYER_SIZE
-        if direct:  # resolving takes as long as the target is large
-            quarters = max(-(-4 * width // camera.width_px), -(-4 * height // camera.height_px), 2)
-            size = -(-quarters * camera.width_px // 4), -(-quarters * camera.height_px // 4)
+        size = (camera.width_px, camera.height_px) if direct else _LAYER_SIZE
         target = self._target(*size, 4 if direct else 0)
         target.use(width, height)
         target.fbo.clear(viewport=(0, 0, width, height))
         self._ship.draw(placed, state.ned_from_camera)
         if self._spray is not None:
             self._spray.draw(state.t_s, state.ned_from_ship, state.ned_from_camera)
-        if direct:
-            resolved = self._target(*size, 0)
-            self._context.copy_framebuffer(resolved.fbo, target.fbo)
-            target = resolved
-        return target.read(0, 0, width, height)
+        if not direct:
+            return target.read(0, 0, width, height)
+        layer, resolved = np.zeros((height, width, 4), np.uint16), self._target(*size, 0)
+        if seen.area > 0:
+            part = seen.left - crop.left, seen.top - crop.top, seen.width, seen.height
+            gl.resolve(self._context, target, resolved, part)
+            layer[part[1] : part[1] + seen.height, part[0] : part[0] + seen.width] = resolved.read(*part)
+        return layer
 
     def _target(self, width_px: int, height_px: int, samples: int) -> gl.RenderTarget:
         key = (width_px, height_px, samples)

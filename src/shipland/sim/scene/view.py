@@ -98,13 +98,17 @@ def _cut(corners: Array, values: Array) -> Array:
 
 
 def without(crop: Crop, inner: Crop) -> list[Crop]:
-    """Up to four parts of a crop that cover it without `inner`, which lies inside."""
-    right, bottom = inner.left + inner.width, inner.top + inner.height
+    """Up to four parts of a crop that cover it without `inner`."""
+    left, top = max(inner.left, crop.left), max(inner.top, crop.top)
+    right = min(inner.left + inner.width, crop.left + crop.width)
+    bottom = min(inner.top + inner.height, crop.top + crop.height)
+    if right <= left or bottom <= top:
+        return [crop]
     parts = [
-        Crop(crop.left, crop.top, crop.width, inner.top - crop.top),
+        Crop(crop.left, crop.top, crop.width, top - crop.top),
         Crop(crop.left, bottom, crop.width, crop.top + crop.height - bottom),
-        Crop(crop.left, inner.top, inner.left - crop.left, inner.height),
-        Crop(right, inner.top, crop.left + crop.width - right, inner.height),
+        Crop(crop.left, top, left - crop.left, bottom - top),
+        Crop(right, top, crop.left + crop.width - right, bottom - top),
     ]
     return [part for part in parts if part.area > 0]
 
@@ -141,6 +145,24 @@ def screen_box(
         high = np.clip(np.ceil(pixels.max(axis=0) + margin_px) + 1, low, high)
     left, top, width, height = *low.astype(int), *(high - low).astype(int)
     return Crop(int(left), int(top), int(width), int(height)) if width > 0 and height > 0 else None
+
+
+def box_before(camera: Camera, corners_in_camera_m: Array, near_m: float, crop: Crop) -> Crop:
+    """The part of a crop that holds what of boxes, of eight corners (8n,3) each, is not nearer than `near_m`."""
+    boxes = corners_in_camera_m.reshape(-1, 8, 3)
+    starts, ends = (boxes[:, one] for one in np.triu_indices(8, 1))
+    ahead, beyond = starts[..., 2] - near_m, ends[..., 2] - near_m
+    crosses = (ahead > 0.0) != (beyond > 0.0)
+    share = (ahead / np.where(crosses, ahead - beyond, 1.0))[..., None]
+    points = np.concatenate([boxes[boxes[..., 2] >= near_m], (starts + share * (ends - starts))[crosses]])
+    if not len(points):
+        return Crop(crop.left, crop.top, 0, 0)
+    pixels = points @ camera.matrix.T
+    pixels = pixels[:, :2] / pixels[:, 2:]
+    first, last = (crop.left, crop.top), (crop.left + crop.width, crop.top + crop.height)
+    left, top = np.clip(np.floor(pixels.min(axis=0) - 2.0), first, last).astype(int).tolist()
+    right, bottom = np.clip(np.ceil(pixels.max(axis=0) + 3.0), first, last).astype(int).tolist()
+    return Crop(left, top, right - left, bottom - top)
 
 
 def edge_lines(camera: Camera, camera_from_plane: Array, corners_m: Array) -> Array:

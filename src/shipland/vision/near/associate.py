@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
+from shipland.compiled import compiled
 from shipland.frames import Array
 
 _PLACE_TOLERANCE = 0.6
@@ -45,6 +48,7 @@ class Match:
     candidates: tuple[int, ...]
 
 
+@lru_cache(maxsize=8)
 def _turns(count: int) -> npt.NDArray[np.intp]:
     """(count,count) the ways to count a polygon's corners clockwise."""
     return np.add.outer(np.arange(count), np.arange(count)) % count
@@ -62,35 +66,20 @@ def match_by_geometry(quads_px: Array, plane_m: Array, max_roll_rad: float) -> l
     """
     if not len(quads_px):
         return []
-    turned, fits = _turned(quads_px, plane_m)
-    allowed = fits >= np.cos(max_roll_rad)
-    count, models = len(quads_px), len(plane_m)
+    count, (models, corners) = len(quads_px), plane_m.shape[:2]
+    first, allowed = np.empty((count, models), np.int64), np.empty((count, models), np.bool_)
+    score = np.empty((count, models, models, count))
+    _turn(quads_px, plane_m, math.cos(max_roll_rad), first, allowed)
+    turned = quads_px[np.arange(count)[:, None, None], _turns(corners)[first]]
     if models == 1:
         return [Match((0,), turned[c, 0][None], (int(c),)) for c in np.flatnonzero(allowed[:, 0])]
-    frame = _affine(turned, plane_m)
-    corners = plane_m.shape[1]
-    model_centre = plane_m.sum(axis=1) / corners
-    apart_m = model_centre[None] - model_centre[:, None]
-    centre = quads_px.sum(axis=1) / corners
-    # Differences of points as complex numbers.
-    apart_px = _complex(frame @ apart_m.transpose(0, 2, 1)[None])
-    reach = np.maximum(np.abs(apart_px), 1.0)[..., None]
-    column, row = centre.T
-    place = column + 1j * row
-    off = np.abs((place[:, None, None] + apart_px)[..., None] - place) / reach
-    stretch = np.abs(frame[..., 0, 0] * frame[..., 1, 1] - frame[..., 0, 1] * frame[..., 1, 0])
-    expected = np.maximum(stretch[:, :, None] * np.abs(_area(plane_m)), 1e-9)
-    ratio = np.abs(_area(quads_px)) / expected[..., None]
-    fitting = (off <= _PLACE_TOLERANCE) & (ratio < _SIZE_RATIO) & (ratio > 1.0 / _SIZE_RATIO) & allowed.T
-    score = np.where(fitting, off, np.inf)
+    _score(quads_px, turned, plane_m, allowed, score)
     matches: dict[tuple[tuple[int, ...], tuple[int, ...]], tuple[int, float, Match]] = {}
     for seed in range(count):
         for model in range(models):
             if not allowed[seed, model]:
                 continue
-            row = score[seed, model].copy()
-            row[:, seed] = np.inf
-            row[model] = np.inf
+            row = score[seed, model]
             for others in _alternatives(row):
                 members = {model: seed} | others
                 if len(set(members.values())) < len(members):
@@ -146,13 +135,9 @@ def match_by_prediction(quads_px: Array, predicted_px: Array) -> Match | None:
     """
     if not len(quads_px):
         return None
-    # Mean square distance of corners from predicted ones, for each of the four ways to count them.
-    turns = _turns(quads_px.shape[1])
-    off = quads_px[:, None, turns] - predicted_px[None, :, None]
-    off = off.reshape(len(quads_px), len(predicted_px), len(turns), -1)
-    off2 = np.einsum("mnrs,mnrs->mnr", off, off)
-    best = off2.argmin(axis=2)
-    score = off2.min(axis=2) / (len(turns) * np.maximum(_area(predicted_px), 1.0))
+    score = np.empty((len(quads_px), len(predicted_px)))
+    first = np.empty(score.shape, np.int64)
+    _compare(quads_px, predicted_px, score, first)
     near = sorted(
         (value, model, candidate)
         for candidate, row in enumerate(score.tolist())
@@ -167,43 +152,111 @@ def match_by_prediction(quads_px: Array, predicted_px: Array) -> Match | None:
         return None
     order = tuple(sorted(members))
     chosen = tuple(members[i] for i in order)
-    index = np.array(chosen)
-    return Match(order, quads_px[index[:, None], turns[best[index, np.array(order)]]], chosen)
+    index, turns = np.array(chosen), _turns(quads_px.shape[1])
+    return Match(order, quads_px[index[:, None], turns[first[index, np.array(order)]]], chosen)
 
 
-def _turned(quads_px: Array, plane: Array) -> tuple[Array, Array]:
-    """Each picture quadrilateral with its corners in each model's order (m,n,4,2), and the cosine of what is left."""
-    starts = quads_px[:, _turns(quads_px.shape[1])]
-    edges, model_edges = _directions(starts), _directions(plane)
-    fit = np.einsum("mrsa,nsa->mnr", edges, model_edges) / quads_px.shape[1]
-    best = fit.argmax(axis=2)
-    return starts[np.arange(len(quads_px))[:, None], best], fit.max(axis=2)
+@compiled
+def _compare(quads_px: Array, predicted_px: Array, score: Array, first: npt.NDArray[np.int64]) -> None:
+    """Write the mean square distance (m,n) of corners from predicted ones, over the area; and which corner is first."""
+    corners = quads_px.shape[1]
+    for model in range(len(predicted_px)):
+        predicted, (_, _, area_px2) = predicted_px[model], _centre(predicted_px[model])
+        for candidate in range(len(quads_px)):
+            least = math.inf
+            for start in range(corners):
+                off2 = 0.0
+                for corner in range(corners):
+                    for axis in range(2):
+                        off = quads_px[candidate, (start + corner) % corners, axis] - predicted[corner, axis]
+                        off2 += off * off
+                if off2 < least:
+                    least, first[candidate, model] = off2, start
+            score[candidate, model] = least / (corners * max(area_px2, 1.0))
 
 
-def _directions(quads: Array) -> Array:
-    """Unit vectors (…,4,2) along the sides of quadrilaterals (…,4,2)."""
-    sides = np.roll(quads, -1, axis=-2) - quads
-    lengths = np.sqrt(np.einsum("...a,...a->...", sides, sides))
-    return np.asarray(sides / np.maximum(lengths, 1e-9)[..., None])
+@compiled
+def _turn(
+    quads_px: Array,
+    plane_m: Array,
+    least_cosine: float,
+    first: npt.NDArray[np.int64],
+    allowed: npt.NDArray[np.bool_],
+) -> None:
+    """Write which corner (m,n) of each quadrilateral is the first of each model's, and whether what is left is small.
+
+    By the mean cosine between the sides' directions.
+    """
+    corners = plane_m.shape[1]
+    for candidate in range(len(quads_px)):
+        for model in range(len(plane_m)):
+            best = -math.inf
+            for start in range(corners):
+                cosine = 0.0
+                for corner in range(corners):
+                    column, row = _direction(quads_px[candidate], (start + corner) % corners)
+                    right, down = _direction(plane_m[model], corner)
+                    cosine += (column * right + row * down) / corners
+                if cosine > best:
+                    best, first[candidate, model] = cosine, start
+            allowed[candidate, model] = best >= least_cosine
 
 
-def _complex(vectors: Array) -> npt.NDArray[np.complex128]:
-    """Vectors (…,2,n) as complex numbers (…,n)."""
-    return np.asarray(vectors[..., 0, :] + 1j * vectors[..., 1, :])
+@compiled
+def _direction(polygon: Array, corner: int) -> tuple[float, float]:
+    """Unit vector along the side of a polygon (k,2) from a corner on."""
+    after = (corner + 1) % len(polygon)
+    x, y = polygon[after, 0] - polygon[corner, 0], polygon[after, 1] - polygon[corner, 1]
+    length = max(math.sqrt(x * x + y * y), 1e-9)
+    return x / length, y / length
 
 
-def _affine(turned: Array, plane_m: Array) -> Array:
-    """(m,n,2,2) px/m: the least-squares parallelogram of each quadrilateral over each model's."""
-    model = plane_m - plane_m.mean(axis=1, keepdims=True)
-    (xx, xy), (_, yy) = np.einsum("nsa,nsb->abn", model, model)
-    inverse = np.array([[yy, -xy], [-xy, xx]]).transpose(2, 0, 1) / (xx * yy - xy * xy)[:, None, None]
-    return np.asarray(turned.transpose(0, 1, 3, 2) @ (model @ inverse))
+@compiled
+def _score(quads_px: Array, turned: Array, plane_m: Array, allowed: npt.NDArray[np.bool_], score: Array) -> None:
+    """Write how far candidates lie from where a seed, as a model, puts other models (seed,model,other,candidate).
+
+    As a fraction of their distance; infinite where they are too far off, too small or too large, or turned. The seed's
+    affine frame is the least-squares parallelogram of it over its model's.
+    """
+    count, models = allowed.shape
+    for seed in range(count):
+        seed_x, seed_y, _ = _centre(quads_px[seed])
+        for model in range(models):
+            right_m, down_m, _ = _centre(plane_m[model])
+            xx = xy = yy = column_x = column_y = row_x = row_y = 0.0
+            for corner in range(plane_m.shape[1]):
+                x, y = plane_m[model, corner, 0] - right_m, plane_m[model, corner, 1] - down_m
+                xx, xy, yy = xx + x * x, xy + x * y, yy + y * y
+                column, row = turned[seed, model, corner, 0], turned[seed, model, corner, 1]
+                column_x, column_y = column_x + column * x, column_y + column * y
+                row_x, row_y = row_x + row * x, row_y + row * y
+            size = xx * yy - xy * xy
+            column_right, column_down = (column_x * yy - column_y * xy) / size, (column_y * xx - column_x * xy) / size
+            row_right, row_down = (row_x * yy - row_y * xy) / size, (row_y * xx - row_x * xy) / size
+            stretch = abs(column_right * row_down - column_down * row_right)
+            for other in range(models):
+                other_right_m, other_down_m, area_m2 = _centre(plane_m[other])
+                x, y = other_right_m - right_m, other_down_m - down_m
+                away_x, away_y = column_right * x + column_down * y, row_right * x + row_down * y
+                reach, expected = max(math.hypot(away_x, away_y), 1.0), max(stretch * abs(area_m2), 1e-9)
+                for candidate in range(count):
+                    place_x, place_y, area_px2 = _centre(quads_px[candidate])
+                    off = math.hypot(seed_x + away_x - place_x, seed_y + away_y - place_y) / reach
+                    ratio = abs(area_px2) / expected
+                    fits = off <= _PLACE_TOLERANCE and 1.0 / _SIZE_RATIO < ratio < _SIZE_RATIO
+                    another = allowed[candidate, other] and candidate != seed and other != model
+                    score[seed, model, other, candidate] = off if fits and another else math.inf
 
 
-def _area(quads: Array) -> Array:
-    """Signed areas (…,) of quadrilaterals (…,4,2)."""
-    after = np.roll(quads, -1, axis=-2)
-    return 0.5 * np.asarray((quads[..., 0] * after[..., 1] - quads[..., 1] * after[..., 0]).sum(axis=-1))
+@compiled
+def _centre(polygon: Array) -> tuple[float, float, float]:
+    """Mean of the corners of a polygon (k,2), and its signed area."""
+    corners, x, y, area = len(polygon), 0.0, 0.0, 0.0
+    for corner in range(corners):
+        after = (corner + 1) % corners
+        x, y = x + polygon[corner, 0], y + polygon[corner, 1]
+        area += 0.5 * (polygon[corner, 0] * polygon[after, 1] - polygon[corner, 1] * polygon[after, 0])
+    return x / corners, y / corners, area
 
 
 def _alternatives(row: Array) -> list[dict[int, int]]:

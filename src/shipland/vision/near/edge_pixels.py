@@ -24,9 +24,6 @@ MOST_ACROSS = 12
 _STATIONS = 20
 """Columns (rows, for steep sides) of pixels of one side; where a side has fewer, the last one is repeated."""
 
-_QUARTER_TURN = np.array([1.0, -1.0])
-"""(column, row) swapped and multiplied by this is the outward normal of a clockwise side."""
-
 
 @dataclass(frozen=True)
 class Sides:
@@ -37,6 +34,7 @@ class Sides:
         along: (s,2) unit direction.
         outward: (s,2) unit normal.
         length_px: (s,).
+        half_px: (s,) half of the length that is looked at: off the corners by twice a usual blur.
         reach_px: (s,) how far across them pixels are taken.
         held: (s,) lies along the picture's edge and cannot be measured.
         corners: of each polygon.
@@ -46,6 +44,7 @@ class Sides:
     along: Array
     outward: Array
     length_px: Array
+    half_px: Array
     reach_px: Array
     held: npt.NDArray[np.bool_]
     corners: int = 4
@@ -53,20 +52,12 @@ class Sides:
     @staticmethod
     def of(quads_px: Array, reach_px: float, held: npt.NDArray[np.bool_] | None = None) -> Sides:
         """The sides of quadrilaterals (n,4,2); pixels are taken no farther out than 0.42 of the shorter side."""
-        corners = quads_px.shape[1]
-        ends = np.roll(quads_px, -1, axis=1)
-        side_px = (ends - quads_px).reshape(-1, 2)
-        length_px = np.sqrt(side_px[:, 0] * side_px[:, 0] + side_px[:, 1] * side_px[:, 1])
-        along = side_px / length_px[:, None]
-        shorter_px = length_px.reshape(-1, corners).min(axis=1).repeat(corners)
-        reach = np.minimum(reach_px, np.maximum(0.42 * shorter_px, 1.5))
-        middle_px = 0.5 * (ends + quads_px).reshape(-1, 2)
-        held = np.zeros(len(length_px), np.bool_) if held is None else held
-        return Sides(middle_px, along, along[:, ::-1] * _QUARTER_TURN, length_px, reach, held, corners)
-
-    def half_px(self) -> Array:
-        """(s,) half of each side's length that is looked at: off the corners by twice a usual blur."""
-        return np.maximum(0.5 * self.length_px - 1.5, 0.3 * self.length_px)
+        count = quads_px.shape[0] * quads_px.shape[1]
+        lines, sizes_px = np.empty((3, count, 2)), np.empty((3, count))
+        _place_sides(quads_px, reach_px, lines, sizes_px)
+        held = np.zeros(count, np.bool_) if held is None else held
+        (middle_px, along, outward), (length_px, half_px, within_px) = lines, sizes_px
+        return Sides(middle_px, along, outward, length_px, half_px, within_px, held, quads_px.shape[1])
 
     def wider(self) -> Sides:
         """The same with pixels taken twice as far out, as far as the quadrilaterals allow."""
@@ -74,6 +65,26 @@ class Sides:
         farthest_px = np.minimum(0.42 * shorter_px, MOST_ACROSS)
         reach_px = np.maximum(np.minimum(2.0 * self.reach_px, farthest_px), self.reach_px)
         return replace(self, reach_px=reach_px)
+
+
+@compiled
+def _place_sides(quads_px: Array, reach_px: float, lines: Array, sizes_px: Array) -> None:
+    """Write `middle_px`, `along` and `outward` (3,s,2), and `length_px`, `half_px` and `reach_px` (3,s), of `Sides`."""
+    corners = quads_px.shape[1]
+    for quad in range(len(quads_px)):
+        shortest_px = math.inf
+        for corner in range(corners):
+            side, after = quad * corners + corner, (corner + 1) % corners
+            start, end = quads_px[quad, corner], quads_px[quad, after]
+            x, y = end[0] - start[0], end[1] - start[1]
+            length = math.sqrt(x * x + y * y)
+            lines[0, side, 0], lines[0, side, 1] = 0.5 * (end[0] + start[0]), 0.5 * (end[1] + start[1])
+            lines[1, side, 0], lines[1, side, 1] = x / length, y / length
+            lines[2, side, 0], lines[2, side, 1] = y / length, -(x / length)
+            sizes_px[0, side], sizes_px[1, side] = length, max(0.5 * length - 1.5, 0.3 * length)
+            shortest_px = min(shortest_px, length)
+        for side in range(quad * corners, (quad + 1) * corners):
+            sizes_px[2, side] = min(reach_px, max(0.42 * shortest_px, 1.5))
 
 
 def distort(undistorted_px: Array, camera: Camera) -> Array:
@@ -132,7 +143,7 @@ def stations_of(sides: Sides, camera: Camera) -> tuple[Array, Array]:
         (s,) count of stations.
     """
     lens, count = np.empty((len(sides.length_px), _STATIONS, 7)), np.empty(len(sides.length_px))
-    _place_stations(sides.middle_px, sides.along, sides.outward, sides.half_px(), lens, count)
+    _place_stations(sides.middle_px, sides.along, sides.outward, sides.half_px, lens, count)
     if camera.has_distortion:
         foot = sides.middle_px[:, None] + lens[..., :1] * sides.along[:, None]
         shifted = np.stack([foot, foot + sides.along[:, None], foot + sides.outward[:, None]])

@@ -167,7 +167,7 @@ def measure_corners(
     count, (polygons, corners) = len(sides.length_px), quads_px.shape[:2]
     for attempt in range(_TRIES):
         lens, columns = stations_of(sides, camera)
-        arrays = sides.outward, sides.length_px, sides.half_px(), sides.reach_px, sides.held
+        arrays = sides.outward, sides.length_px, sides.half_px, sides.reach_px, sides.held
         ends, variance = np.empty((2, count)), np.empty((3, count))
         fitted, blur, misfit, noisy, clipped = _fit_sides(
             image, arrays, lens, columns, guess_px, errors_px, ends, variance
@@ -465,24 +465,14 @@ def _fit_sides(
         ends: (2,s) written: offset outward, and tilt over the half length [px].
         variance: (3,s) written: of the offset, of the two together, of the slope.
     """
-    outward, _, half_px, reach_px, held = sides
+    outward, _, half_px, reach_px, _ = sides
     pixels = take_pixels(image, outward, reach_px, half_px, lens, columns)
     values = np.empty(pixels[1].shape)
-    there, clipped, per_level = contrasts(pixels[0], held, False, values)
-    if there and _leave_out_strays(values, pixels, columns):
-        there, clipped, per_level = contrasts(pixels[0], held, False, values)
-    fit = failed = False, blur_px, 0.0, False, clipped
-    if there:
-        fit = _fit_to(values, pixels, sides, columns, blur_px, errors_px, clipped, per_level, ends, variance)
-        if fit[0] and not fit[3]:
-            return fit
+    fit = _fit_light(values, pixels, sides, columns, blur_px, errors_px, False, ends, variance)
+    if fit[0] and not fit[3]:
+        return fit
     other_ends, other_variance = np.empty_like(ends), np.empty_like(variance)
-    there, clipped, per_level = contrasts(pixels[0], held, True, values)
-    other = failed
-    if there:
-        other = _fit_to(
-            values, pixels, sides, columns, math.nan, errors_px, clipped, per_level, other_ends, other_variance
-        )
+    other = _fit_light(values, pixels, sides, columns, math.nan, errors_px, True, other_ends, other_variance)
     # Two coded fits are compared by their pixels; beside a clean one, what coding adds counts.
     of_fit, of_other = variance[0].sum(), other_variance[0].sum()
     if fit[0]:
@@ -508,6 +498,27 @@ def _add_coding(fit: Fit, sides: SideArrays, errors_px: tuple[float, float, floa
     tilted2 = coded2 * np.minimum(length_px / _TILTED_SIDE_PX, _MOST_TILTED) / half_px**2
     variance[0] += np.where(held, 0.0, coded2)
     variance[2] += np.where(held, 0.0, tilted2)
+
+
+@compiled
+def _fit_light(
+    values: Array,
+    pixels: Pixels,
+    sides: SideArrays,
+    columns: Array,
+    blur_px: float,
+    errors_px: tuple[float, float, float],
+    by_luma: bool,
+    ends: Array,
+    variance: Array,
+) -> Fit:
+    """`_fit_sides` by one kind of light; columns that do not show the edge are left out, of the first one."""
+    there, clipped, per_level = contrasts(pixels[0], sides[4], by_luma, values)
+    if there and not by_luma and _leave_out_strays(values, pixels, columns):
+        there, clipped, per_level = contrasts(pixels[0], sides[4], False, values)
+    if not there:
+        return False, blur_px, 0.0, False, clipped
+    return _fit_to(values, pixels, sides, columns, blur_px, errors_px, clipped, per_level, ends, variance)
 
 
 @compiled

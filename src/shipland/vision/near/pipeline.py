@@ -28,7 +28,7 @@ from shipland.vision.near.segment import Image, QuadsOf, RegionsOf, Window, find
 from shipland.vision.near.status_light import is_red
 from shipland.vision.near.still import Still
 from shipland.vision.near.strokes import measure_strokes, stroke_polygons
-from shipland.vision.near.track import Track
+from shipland.vision.near.track import Track, window_around
 from shipland.vision.near.validate import Screen, corners_are_sharp, validate
 from shipland.vision.parameters import VisionParameters
 
@@ -114,8 +114,8 @@ class NearVision:
         level = _level(frame.gimbal, setup.parameters.gimbal_noise_rad)
         known = Known(level) if track is None else track.known(t_s, level)
         found: PoseCandidate | Refusal = Refusal.NO_MATCH
-        if track is not None:
-            found = self._look(image, track.window(t_s, setup), known, parts=False)
+        if known.predicted_px is not None:
+            found = self._look(image, window_around(known.predicted_px, setup), known, parts=False)
         if isinstance(found, Refusal):
             found = self._look(image, Window.whole(image), known, parts=self._steps.parts)
         if isinstance(found, Refusal):

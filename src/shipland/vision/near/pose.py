@@ -145,7 +145,8 @@ class PoseCandidate:
         corners, common = self.corners, self.solutions[0].common
         if corners.common_px is None:
             return corners.undistorted_px
-        return corners.undistorted_px - np.tensordot(common, corners.common_px, axes=1)
+        together_px = common[None] @ corners.common_px.reshape(len(common), -1)
+        return corners.undistorted_px - together_px.reshape(corners.undistorted_px.shape)
 
     @cached_property
     def bar_pose(self) -> BarPose:

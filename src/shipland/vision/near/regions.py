@@ -26,9 +26,6 @@ tone curve of 1/2.2."""
 _PEAK = 0.9
 """Share of a region's pixels below its peak: a few brighter ones do not count."""
 
-_LEAST_SPREAD = 18
-"""Difference of a pixel's colours below which its light is below the floor."""
-
 _CLIPPED = 250
 """Value from which a pixel may be the white core of a lamp, whatever its colour."""
 
@@ -61,70 +58,67 @@ _SPARSE_PX2 = 40_000
 whatever has none of them."""
 
 
-_SATURATION, _HUE = (np.rint(top * 4096.0 / np.maximum(np.arange(256), 0.5)).astype(np.int64) for top in (255, 30))
-"""OpenCV's tables: saturation by value, and hue by the spread of the colours, times 2¹²."""
+_SATURATIONS, _HUES, _PART = np.float32(255 * 4096), np.float32(30 * 4096), np.float32(1 / 4096)
+"""OpenCV's saturation by value, and hue by the spread of the colours, times 2¹²."""
+
+_LIGHTS, _HALF_LEVEL, _ROUND = np.float32(254.0 / 255.0**2), np.float32(0.5), np.float32(180.0)
+"""Light by saturation times value; half a level, which rounds up; all hues."""
 
 
 def cue_light(image: Image, window: Window, hue: Hue, step: int = 1) -> Image:
     """(h,w) saturated light of a part's pixels of a hue, at most 254; 255 where another one clips; 0 below the floor.
 
-    Of white, the light that all colours have in common. Of every `step`-th pixel of every `step`-th row.
+    Of white, the light that all colours have in common. Of every pixel, or of every second one of every second row.
     """
     if hue == "white":
         return np.asarray(np.minimum(window.of(image)[::step, ::step].min(axis=2), 254), np.uint8)
     light: Image = np.empty(((window.bottom - window.top) // step, (window.right - window.left) // step), np.uint8)
     rows = np.ascontiguousarray(image).reshape(len(image), -1)
-    _write_light(rows, window.left, window.top, step, int(hue[0]), int(hue[1]), light)
+    low, width = np.float32(hue[0]), np.float32((hue[1] - hue[0]) % 180)
+    _write_light(rows, window.left, window.top, step, low, width, light)
     return light
 
 
 @compiled
-def _write_light(rows: Image, left: int, top: int, step: int, low: int, high: int, light: Image) -> None:
-    """Write `cue_light` of a picture's rows (H,3 W)."""
-    over_red = low > high
-    reds = np.uint8(over_red or low <= 30 or high >= 150)
-    greens = np.uint8((low <= 90 or high >= 30) if over_red else (low <= 90 and high >= 30))
-    blues = np.uint8((low <= 150 or high >= 90) if over_red else (low <= 150 and high >= 90))
-    lit, columns = np.empty(step * light.shape[1], np.uint8), np.empty(light.shape[1], np.int64)
-    light[:] = 0
+def _write_light(rows: Image, left: int, top: int, step: int, low: np.float32, width: np.float32, light: Image) -> None:
+    """Write `cue_light` of a picture's rows (H,3 W), for hues from `low` to `low` + `width`."""
+    columns = light.shape[1]
+    blue, green, red = np.empty(columns, np.uint8), np.empty(columns, np.uint8), np.empty(columns, np.uint8)
     for row in range(len(light)):
-        pixels = rows[top + step * row, 3 * left : 3 * (left + len(lit))]
-        for column in range(len(lit)):  # in bytes and without branches: vector code
-            blue, green, red = pixels[3 * column], pixels[3 * column + 1], pixels[3 * column + 2]
-            most = blue if blue > green else green
-            most = most if most > red else red
-            least = blue if blue < green else green
-            least = least if least < red else red
-            near = (
-                (np.uint8(green == most) & greens) | (np.uint8(blue == most) & blues) | (np.uint8(red == most) & reds)
-            )
-            bright = np.uint8(np.uint8(most - least) >= np.uint8(_LEAST_SPREAD))
-            lit[column] = np.uint8((bright & np.uint8(near)) | np.uint8(most >= np.uint8(_CLIPPED)))
-        count = 0
-        for column in range(light.shape[1]):
-            columns[count] = column
-            count += 1 if lit[step * column] else 0
-        for column in columns[:count]:
-            first = 3 * step * column
-            blue, green, red = pixels[first], pixels[first + 1], pixels[first + 2]
-            light[row, column] = _light_of(np.int64(blue), np.int64(green), np.int64(red), low, high)
+        pixels, lit = rows[top + step * row, 3 * left :], light[row]
+        if step == 1:  # each step a loop of its own: vector code
+            for column in range(columns):
+                first = 3 * column
+                blue[column], green[column], red[column] = pixels[first], pixels[first + 1], pixels[first + 2]
+        else:
+            for column in range(columns):
+                first = 6 * column
+                blue[column], green[column], red[column] = pixels[first], pixels[first + 1], pixels[first + 2]
+        for column in range(columns):
+            lit[column] = _light_of(blue[column], green[column], red[column], low, width)
 
 
 @compiled
-def _light_of(blue: np.int64, green: np.int64, red: np.int64, low: int, high: int) -> int:
-    """`cue_light` of one pixel, in OpenCV's whole numbers."""
-    value = int(max(blue, green, red))
-    spread = value - int(min(blue, green, red))
-    turn = blue - red + 2 * spread if value == green else red - green + 4 * spread
-    turn = green - blue if value == red else turn
-    hue = int((turn * _HUE[spread] + 2048) >> 12)
-    hue = hue + 180 if hue < 0 else hue
-    inside = (low <= hue) & (hue <= high) | (low > high) & ((hue >= low) | (hue <= high))
-    light = int(np.rint(((spread * _SATURATION[value] + 2048) >> 12) * value * (254.0 / 255.0**2)))
-    light = light if inside else 0
-    clipped = (light == 0) & (value >= _CLIPPED)
-    light = light if light >= FLOOR else 0
-    return 255 if clipped else light
+def _light_of(blue: np.uint8, green: np.uint8, red: np.uint8, low: np.float32, width: np.float32) -> np.uint8:
+    """`cue_light` of one pixel: OpenCV's whole numbers, in floats that hold them all and without branches."""
+    b, g, r = np.float32(blue), np.float32(green), np.float32(red)
+    value = max(max(b, g), r)
+    spread = value - min(min(b, g), r)
+    by_green, by_red, by_blue = b - r + np.float32(2.0) * spread, g - b, r - g + np.float32(4.0) * spread
+    turn = by_green if value == g else by_blue
+    turn = by_red if value == r else turn
+    per_turn = np.rint(_HUES / max(spread, _HALF_LEVEL))
+    above_low = np.rint((turn * per_turn + _HALF_LEVEL) * _PART) - low
+    around = above_low + _ROUND
+    above_low = around if above_low < np.float32(0.0) else above_low
+    around = above_low + _ROUND
+    above_low = around if above_low < np.float32(0.0) else above_low
+    saturation = np.rint((spread * np.rint(_SATURATIONS / max(value, _HALF_LEVEL)) + _HALF_LEVEL) * _PART)
+    light = np.rint(saturation * value * _LIGHTS)
+    light = light if above_low <= width else np.float32(0.0)
+    clipped = np.float32(255.0) if value >= np.float32(_CLIPPED) else np.float32(0.0)
+    lit = light if light >= np.float32(FLOOR) else np.float32(0.0)
+    return np.uint8(clipped if light == np.float32(0.0) else lit)
 
 
 def find_regions(
@@ -212,16 +206,35 @@ def _cut(light: Image, inside: Image, parameters: VisionParameters) -> tuple[lis
 
     And the pixels that lie between floor and half, over those above.
     """
-    counts = cv2.calcHist([light], [0], inside, [256], [0, 256]).ravel()
-    counts[:FLOOR] = counts[255] = 0.0
-    if counts.sum() < parameters.min_side_px**2:
-        return [], 0.0
-    half = round(_HALF * int(np.searchsorted(np.cumsum(counts), _PEAK * counts.sum())))
-    if half < FLOOR:
-        return [], 0.0
-    left = float(counts[:half].sum() / counts[half:].sum())
-    above = cv2.bitwise_and(cv2.threshold(light, half - 1, 255, cv2.THRESH_BINARY)[1], inside)
-    return outlines(opened_and_closed(above, parameters.kernel_px), (0, 0), parameters), left
+    above: Image = np.empty(light.shape, np.uint8)
+    left = _write_above(light, inside, parameters.min_side_px**2, above)
+    found = [] if left < 0.0 else outlines(opened_and_closed(above, parameters.kernel_px), (0, 0), parameters)
+    return found, left
+
+
+@compiled
+def _write_above(light: Image, inside: Image, least_px2: float, above: Image) -> float:
+    """Write what lies above half of the peak inside of a mask; `left` of `_cut`, -1 where nothing does."""
+    counts = np.zeros(256, np.int64)
+    for row in range(len(light)):
+        for column in range(light.shape[1]):
+            counts[light[row, column]] += 1 if inside[row, column] else 0
+    counted = 0
+    for level in range(FLOOR, 255):
+        counted += counts[level]
+    peak, below, left = FLOOR, counts[FLOOR], 0
+    while peak < 254 and below < np.float32(_PEAK) * np.float32(counted):
+        peak += 1
+        below += counts[peak]
+    half = round(_HALF * peak)
+    if counted < least_px2 or half < FLOOR:
+        return -1.0
+    for level in range(FLOOR, half):
+        left += counts[level]
+    for row in range(len(light)):
+        for column in range(light.shape[1]):
+            above[row, column] = inside[row, column] if light[row, column] >= half else np.uint8(0)
+    return float(np.float32(left) / np.float32(counted - left))
 
 
 @compiled
@@ -242,7 +255,7 @@ def _has_rim(light: Image, beside: Image, contour: Contour) -> bool:
 
 def _cores(image: Image, light: Image, parameters: VisionParameters) -> list[Contour]:
     """White regions that the cue's colour surrounds."""
-    if cv2.countNonZero(cv2.inRange(light, 255, 255)) < parameters.min_side_px**2:
+    if np.count_nonzero(light == 255) < parameters.min_side_px**2:
         return []
     luma = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     mask = opened_and_closed(cv2.threshold(luma, _CORE - 1, 255, cv2.THRESH_BINARY)[1], parameters.kernel_px)

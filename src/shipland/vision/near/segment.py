@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from shipland.compiled import compiled
 from shipland.cue import Hue
 from shipland.frames import Array
 from shipland.vision.near.outline import polygon_in_outline, support
@@ -19,6 +20,16 @@ from shipland.vision.parameters import VisionParameters
 Image = npt.NDArray[np.uint8]
 Contour = npt.NDArray[np.int32]
 """(n,1,2) an outline through pixel centres, as OpenCV has it."""
+
+
+@compiled
+def extent_px(points_px: Array) -> tuple[float, float, float, float]:
+    """The box around points (n,2): left, top, right, bottom."""
+    left, top, right, bottom = math.inf, math.inf, -math.inf, -math.inf
+    for point in range(len(points_px)):
+        column, row = points_px[point, 0], points_px[point, 1]
+        left, top, right, bottom = min(left, column), min(top, row), max(right, column), max(bottom, row)
+    return left, top, right, bottom
 
 
 @dataclass(frozen=True)
@@ -31,17 +42,17 @@ class Window:
     bottom: int
 
     @staticmethod
-    def around(points_px: Array, margin_px: float | Array, width_px: int, height_px: int) -> Window:
+    def around(
+        points_px: Array, margin_px: float | Array | tuple[float, float], width_px: int, height_px: int
+    ) -> Window:
         """The box of points (n,2) grown by a margin, one or (2,), and cut to the picture; empty when outside of it."""
-        (left, top), (right, bottom) = (
-            (points_px.min(axis=0) - margin_px).tolist(),
-            (points_px.max(axis=0) + margin_px).tolist(),
-        )
+        left, top, right, bottom = extent_px(points_px)
+        beside_px, above_px = (margin_px, margin_px) if isinstance(margin_px, float) else margin_px
         return Window(
-            min(max(math.floor(left), 0), width_px),
-            min(max(math.floor(top), 0), height_px),
-            min(max(math.ceil(right) + 1, 0), width_px),
-            min(max(math.ceil(bottom) + 1, 0), height_px),
+            min(max(math.floor(left - beside_px), 0), width_px),
+            min(max(math.floor(top - above_px), 0), height_px),
+            min(max(math.ceil(right + beside_px) + 1, 0), width_px),
+            min(max(math.ceil(bottom + above_px) + 1, 0), height_px),
         )
 
     @staticmethod
@@ -294,7 +305,7 @@ def edge_distances(quad_px: Array, width_px: int, height_px: int) -> Array:
 
 def reaches_edge(quads_px: Array, width_px: int, height_px: int) -> bool:
     """Whether a corner (…,2) lies on the picture's edge or beyond, to within half a pixel."""
-    (left, top), (right, bottom) = (f(quads_px.reshape(-1, 2), axis=0).tolist() for f in (np.min, np.max))
+    left, top, right, bottom = extent_px(quads_px.reshape(-1, 2))
     return bool(left < 0.0 or top < 0.0 or right > width_px - 1.0 or bottom > height_px - 1.0)
 
 

@@ -31,7 +31,7 @@ _MOST_CUTS, _MOST_CUT_PX = 4, 160
 _SPARSE_PX2 = 400_000
 """Least size of a picture in which lit parts are looked for on every second pixel of every second row."""
 
-_MARGIN_PX = 5
+_MARGIN_PX = 5.0
 """Around a cut, and around the cue where it is fitted."""
 
 _FINE = 4

@@ -10,7 +10,7 @@ import numpy as np
 from shipland.frames import Array, Pose
 from shipland.vision.near.planar_pose import LevelPrior
 from shipland.vision.near.pose import Followed, Known, PoseCandidate, Setup
-from shipland.vision.near.segment import Window
+from shipland.vision.near.segment import Window, extent_px
 
 
 @dataclass(frozen=True)
@@ -61,15 +61,17 @@ class Track:
         followed = None
         if self.measured_px is not None and t_s > self.t_s:
             followed = Followed(self.measured_px, t_s - self.t_s)
-        return Known(level, self._predicted_px(t_s), self.camera_from_plane, self.blur_px, followed)
+        predicted_px = self.corners_px + self.drift_px_s * (t_s - self.t_s)
+        return Known(level, predicted_px, self.camera_from_plane, self.blur_px, followed)
 
-    def window(self, t_s: float, setup: Setup) -> Window:
-        """The part of the picture around the predicted cue."""
-        points_px = self._predicted_px(t_s).reshape(-1, 2)
-        parameters, camera = setup.parameters, setup.camera
-        margin_px = np.maximum(parameters.track_margin_px, parameters.track_margin * np.ptp(points_px, axis=0))
-        return Window.around(points_px, margin_px, camera.width_px, camera.height_px)
 
-    def _predicted_px(self, t_s: float) -> Array:
-        """(n,4,2) the corners at a time."""
-        return self.corners_px + self.drift_px_s * (t_s - self.t_s)
+def window_around(predicted_px: Array, setup: Setup) -> Window:
+    """The part of the picture around a cue of which the corners (n,4,2) are predicted."""
+    points_px = predicted_px.reshape(-1, 2)
+    left, top, right, bottom = extent_px(points_px)
+    parameters, camera = setup.parameters, setup.camera
+    margin_px = (
+        max(parameters.track_margin_px, parameters.track_margin * (right - left)),
+        max(parameters.track_margin_px, parameters.track_margin * (bottom - top)),
+    )
+    return Window.around(points_px, margin_px, camera.width_px, camera.height_px)

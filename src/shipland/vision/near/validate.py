@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
+from shipland.compiled import compiled
 from shipland.frames import Array, Pose
 from shipland.vision.near.gates import Refusal, largest_reprojection_px, within_reach
 from shipland.vision.near.hidden import may_be_hidden, seen_error_px
@@ -95,10 +97,15 @@ def _beyond_edge(candidate: PoseCandidate) -> bool:
     return bool(np.any(held & (off_px > _EDGE_PX)))
 
 
+@compiled
 def _shortest_px(quads_px: Array) -> float:
     """The shortest side of quadrilaterals (n,4,2)."""
-    points = np.ascontiguousarray(quads_px).view(np.complex128)[..., 0]
-    return float(np.abs(points - np.roll(points, -1, axis=1)).min())
+    shortest_px, corners = math.inf, quads_px.shape[1]
+    for quad in range(len(quads_px)):
+        for corner in range(corners):
+            side_px = quads_px[quad, (corner + 1) % corners] - quads_px[quad, corner]
+            shortest_px = min(shortest_px, math.hypot(side_px[0], side_px[1]))
+    return shortest_px
 
 
 def _picture_corners(size_px: tuple[int, int]) -> Array:
