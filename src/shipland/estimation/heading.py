@@ -289,7 +289,7 @@ class HeadingFilters:
 
     def _turned_rad(self, from_s: float, to_s: float) -> float:
         """How far the yaw sticks turned the nose; nothing backwards in time."""
-        return float(self._turns.mean(from_s, to_s)[0]) * (to_s - from_s) if to_s > from_s else 0.0
+        return self._turns.mean(from_s, to_s) * (to_s - from_s) if to_s > from_s else 0.0
 
     def _with_news(
         self,
