@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from shipland.estimation.delayed import Inputs
+from shipland.estimation.kernels import mean_input
 from shipland.estimation.relative_state import (
     GUST,
     POSITION,
@@ -102,7 +103,7 @@ def test_the_model_of_a_servo_with_an_integral_is_that_of_its_loop_and_its_gains
         shaped.ask(t_s, np.array([asked_mps, 0.0]), inputs)
         shaped.advance(t_s + 0.033, inputs)
         transition, push, _ = model.step(33)
-        state = (transition @ mean + push @ inputs.mean(t_s, t_s + 0.033))[:STATES]
+        state = (transition @ mean + push @ mean_input(inputs.history, inputs.count, t_s, t_s + 0.033))[:STATES]
         x = solve_ivp(servo, (0.0, 0.033), x, args=(asked_mps, wind_mps2), rtol=1e-8, atol=1e-10).y[:, -1]
         if k < 90:
             assert state[POSITION] == pytest.approx(x[0], abs=0.02)  # the model has the integral act at once

@@ -109,7 +109,8 @@ def test_the_covariance_turns_with_the_bar_and_shrinks_with_what_is_seen():
     estimate, turned = _flown(seconds=3.0).estimate(3.3), np.zeros((4, 4))
     wide = estimate.across.mean, np.diag([9.0, *[1e-6] * (STATES - 1), 1.0, *[1e-6] * (STATES - 1)])
     down = estimate.down.mean, estimate.down.covariance  # the flight's first axis is the bar's left
-    _in_bar(wide, down, estimate.wave.bar, 0.5 * math.pi, np.zeros(3), np.zeros(3), turned)
+    by_yaw = 1e-6, False
+    _in_bar((wide, down), estimate.wave.bar, 0.5 * math.pi, by_yaw, np.zeros(3), np.zeros(3), turned)
     assert np.diag(turned)[:2] == pytest.approx([1.0, 9.0], abs=1e-3)
 
 

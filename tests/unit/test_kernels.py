@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from shipland.estimation.delayed import Inputs
-from shipland.estimation.kernels import correct, predicted_covariance, propagate, see_bank
+from shipland.estimation.kernels import (
+    LONGEST_MS,
+    correct,
+    matrices_of,
+    mean_input,
+    predicted_covariance,
+    propagate,
+    see_bank,
+)
 from shipland.estimation.relative_state import (
     POSITION,
     STATES,
@@ -74,7 +82,7 @@ def test_a_mean_through_inputs_that_change(turn_rad_s):
     t_s = 1.02
     (first, push, _), (last, last_push, _) = MODEL.step(80), MODEL.step(37)
     for transition, entry, step_s in ((first, push, 0.08), (first, push, 0.08), (last, last_push, 0.037)):
-        expected = transition @ expected + entry @ inputs.mean(t_s, t_s + step_s)
+        expected = transition @ expected + entry @ mean_input(inputs.history, inputs.count, t_s, t_s + step_s)
         ahead, aside = expected[VELOCITY_BIAS], expected[STATES + VELOCITY_BIAS]
         change = turn_rad_s * step_s * np.array([-aside, ahead])
         expected[[VELOCITY_BIAS, STATES + VELOCITY_BIAS]] += change
@@ -82,7 +90,7 @@ def test_a_mean_through_inputs_that_change(turn_rad_s):
         t_s += step_s
     covariance, (transition, _, noise) = _spread(rng, 2 * STATES), MODEL.step(197)
     spread = transition @ covariance @ transition.T + noise
-    way = (1.02, 197, MODEL.steps(197), MODEL.shape, inputs.history, inputs.count, turn_rad_s)
+    way = (1.02, 197, MODEL.steps, MODEL.shape, inputs.history, inputs.count, turn_rad_s)
     propagate(mean, covariance, way, VELOCITY, VELOCITY_BIAS)
     np.testing.assert_allclose(mean, expected, atol=1e-12)
     np.testing.assert_allclose(covariance, spread, atol=1e-11)
@@ -121,16 +129,22 @@ def test_a_place_less_a_share_of_the_swing():
 
 
 @pytest.mark.parametrize("way_ms", [0, 33, 80, 160, 197])
-def test_a_way_holds_its_steps(way_ms):
-    whole, stride, rest = MODEL.steps(way_ms)
-    for step, step_ms in ((whole, way_ms), (stride, min(way_ms, 80)), (rest, way_ms % 80)):
-        transition, push, noise = MODEL.step(step_ms)
-        np.testing.assert_array_equal(np.kron(np.eye(2), step[0]), transition)
-        np.testing.assert_array_equal(np.kron(np.eye(2), step[1] + step[3]), noise)
-        np.testing.assert_array_equal(np.kron(np.eye(2), step[2][:, :1]), push)
-        assert not step[2][:, 1:].any()
+def test_a_step_of_the_model_is_that_of_its_axes(way_ms):
+    step = matrices_of(MODEL.steps, way_ms)
+    transition, push, noise = MODEL.step(way_ms)
+    np.testing.assert_array_equal(np.kron(np.eye(2), step[0]), transition)
+    np.testing.assert_array_equal(np.kron(np.eye(2), step[1] + step[3]), noise)
+    np.testing.assert_array_equal(np.kron(np.eye(2), step[2][:, :1]), push)
+    assert not step[2][:, 1:].any()
     if way_ms == 0:
-        np.testing.assert_array_equal(whole[0], np.eye(STATES))
+        np.testing.assert_array_equal(step[0], np.eye(STATES))
+
+
+def test_matrices_asked_for_again_after_others_are_the_same():
+    asked_ms = [*range(1, 300), LONGEST_MS]
+    first = {step_ms: matrices_of(MODEL.steps, step_ms).copy() for step_ms in asked_ms}
+    for step_ms in asked_ms:
+        np.testing.assert_array_equal(matrices_of(MODEL.steps, step_ms), first[step_ms])
 
 
 @pytest.mark.parametrize("step_ms", [1, 33, 255, 1023])

@@ -7,13 +7,12 @@ picture waits, is used to look ahead, and enters for good when a younger picture
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from shipland.compiled import compiled
 from shipland.config import key, parameters, scaled
-from shipland.estimation.kernels import add_input, correct, mean_input, propagate
+from shipland.estimation.kernels import LONGEST_MS, Steps, add_input, correct, mean_input, propagate
 from shipland.estimation.relative_state import (
     VELOCITY,
     VELOCITY_BIAS,
@@ -63,9 +62,9 @@ class Inputs:
         elif self.count == len(history):
             self.history = np.vstack([history, np.zeros_like(history)])
 
-    def mean(self, from_s: float, to_s: float) -> Array:
-        """Average over an interval; the value at its begin where it is empty."""
-        return mean_input(self.history, self.count, from_s, to_s)
+    def mean(self, from_s: float, to_s: float) -> float:
+        """Average of the first component over an interval; the value at its begin where it is empty."""
+        return _first_mean(self.history, self.count, from_s, to_s)
 
     def latest(self) -> Array:
         """The newest command."""
@@ -87,13 +86,8 @@ class DelayedParameters:
     lag_s: float = key(0.6, "without pictures the estimate follows at most this far behind", ge=0, le=5)
 
 
-@dataclass(frozen=True)
-class _Velocity:
-    """A reading that waits for a picture: when it was true, and the share of ship in the view."""
-
-    t_s: float
-    measured_mps: Array
-    over_ship: float
+_WAITING = 16
+"""Of the velocities that wait, at first."""
 
 
 class DelayedFilter:
@@ -111,24 +105,28 @@ class DelayedFilter:
         """At the newest picture; its arrays are the filter's own, and change."""
         self.normalised = 1.0
         """Of the newest picture."""
-        self._velocities: list[_Velocity] = []
-        self._velocity_variance = parameters.velocity_mps**2 / parameters.velocity_repeats
+        self.refused = 0
+        """Pictures refused since the last one that was taken."""
+        self._waiting: Array = np.empty((_WAITING, 2 + model.axes))
+        """Rows of velocities that wait for a picture: when true, the share of ship in the view, the reading."""
+        self._count = 0
+        self._variance = parameters.velocity_mps**2 / parameters.velocity_repeats
         variances = velocity_least_mps**2, parameters.velocity_most_mps**2
-        self._velocity_limits = parameters.velocity_repeats, *variances, parameters.velocity_gate
-        self._refused = 0
+        repeats, gate = parameters.velocity_repeats, parameters.velocity_gate
+        self._limits = parameters.flow_settle_s, repeats, *variances, gate
 
     def start(
         self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float, ship_std_mps: float = 0.0
     ) -> None:
         """Begin at a place, as `Model.start` does."""
         self.estimate = self.model.start(t_s, place_m, covariance_m2, speed_mps, ship_std_mps)
-        self._refused = 0
+        self.refused = 0
 
     def copy(self) -> DelayedFilter:
         """Another of the same estimate."""
         other = DelayedFilter(self.model, self._parameters, self._velocity_least_mps)
         other.estimate, other.normalised = _copied(self.estimate), self.normalised
-        other._velocities, other._velocity_variance = list(self._velocities), self._velocity_variance
+        other._waiting, other._count, other._variance = self._waiting.copy(), self._count, self._variance
         return other
 
     def adopt(self, model: Model) -> None:
@@ -139,8 +137,13 @@ class DelayedFilter:
 
     def update_velocity(self, t_s: float, measured_mps: Array, over_ship: float = 0.0) -> None:
         """The vehicle's own velocity (axes,), true at `t_s`; `over_ship` as in `Model.velocity`."""
-        if not self._velocities or t_s > self._velocities[-1].t_s + 1e-6:
-            self._velocities.append(_Velocity(t_s, measured_mps, over_ship))
+        waiting, count = self._waiting, self._count
+        if count and t_s <= waiting[count - 1, 0] + 1e-6:
+            return
+        if count == len(waiting):
+            self._waiting = waiting = np.vstack([waiting, np.empty_like(waiting)])
+        waiting[count, 0], waiting[count, 1], waiting[count, 2:] = t_s, over_ship, measured_mps
+        self._count += 1
 
     def update_pose(
         self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float = 0.0
@@ -148,77 +151,89 @@ class DelayedFilter:
         """A picture's place (axes,) of its exposure; False where the innovation gate rejects it, or it is too old."""
         if self.estimate is None or t_s < self.estimate.t_s - 1e-3:
             return False
-        self._take_velocities(t_s, inputs, turn_rad_s)
-        self.estimate = estimate = self._moved(self.estimate, t_s, inputs, turn_rad_s)
+        estimate = self._follow(self.estimate, t_s, inputs, turn_rad_s)
         shown, gate = self.model.wave.bar[0], self._parameters.picture_gate
-        self.normalised = float(_take_picture(estimate.mean, estimate.covariance, shown, place_m, covariance_m2, gate))
+        self.normalised = _take_picture(estimate.mean, estimate.covariance, shown, place_m, covariance_m2, gate)
         accepted = self.normalised <= gate
-        self._refused = 0 if accepted else self._refused + 1
+        self.refused = 0 if accepted else self.refused + 1
         return accepted
-
-    @property
-    def refused(self) -> int:
-        """Pictures refused since the last one that was taken."""
-        return self._refused
 
     def follow(self, now_s: float, inputs: Inputs, turn_rad_s: float = 0.0) -> None:
         """Without pictures: keep the estimate from falling further behind than `lag_s`."""
         to_s = now_s - self._parameters.lag_s
         if self.estimate is not None and self.estimate.t_s < to_s:
-            self._take_velocities(to_s, inputs, turn_rad_s)
-            self.estimate = self._moved(self.estimate, to_s, inputs, turn_rad_s)
+            self._follow(self.estimate, to_s, inputs, turn_rad_s)
 
     def predict(self, t_s: float, inputs: Inputs, turn_rad_s: float = 0.0) -> GaussianState | None:
         """The estimate at a later time, through what is known to be commanded until then."""
         estimate = _copied(self.estimate)
         if estimate is None:
             return None
-        for reading in self._velocities:
-            if reading.t_s <= t_s:
-                estimate, _ = self._with(estimate, reading, inputs, turn_rad_s, learns=False)
-        return self._moved(estimate, t_s, inputs, turn_rad_s)
+        state = *estimate, self._waiting, self._count, self._variance
+        then_s, _, _ = _moved(state, t_s, self._way(inputs, turn_rad_s), self._limits, False)
+        return GaussianState(then_s, estimate.mean, estimate.covariance)
 
-    def _take_velocities(self, to_s: float, inputs: Inputs, turn_rad_s: float) -> None:
-        """Take the velocities until a time, for good, and learn from them how large their errors are."""
-        waiting = []
-        for reading in self._velocities:
-            assert self.estimate is not None
-            if reading.t_s > to_s:
-                waiting.append(reading)
-            elif reading.t_s > self.estimate.t_s - _LATE_S:
-                self.estimate, variance = self._with(self.estimate, reading, inputs, turn_rad_s, learns=True)
-                self._velocity_variance = variance
-        self._velocities = waiting
+    def _follow(self, estimate: GaussianState, to_s: float, inputs: Inputs, turn_rad_s: float) -> GaussianState:
+        """The estimate at a time, with the velocities until then, for good."""
+        state = *estimate, self._waiting, self._count, self._variance
+        way = self._way(inputs, turn_rad_s)
+        then_s, self._count, self._variance = _moved(state, to_s, way, self._limits, True)
+        self.estimate = GaussianState(then_s, estimate.mean, estimate.covariance)
+        return self.estimate
 
-    def _with(
-        self, estimate: GaussianState, reading: _Velocity, inputs: Inputs, turn_rad_s: float, learns: bool
-    ) -> tuple[GaussianState, float]:
-        """The estimate moved to a velocity and with it, and the variance of one reading; `learns` from this one."""
-        wave, estimate = self.model.wave, self._moved(estimate, reading.t_s, inputs, turn_rad_s)
-        view = (reading.over_ship, self._parameters.flow_settle_s, wave.frequency_rad_s, wave.deck)
-        reading_mps, limits = (reading.measured_mps, self._velocity_variance), self._velocity_limits
-        return estimate, _take_velocity(estimate.mean, estimate.covariance, reading_mps, view, limits, learns)
-
-    def _moved(self, estimate: GaussianState, to_s: float, inputs: Inputs, turn_rad_s: float) -> GaussianState:
-        """The estimate moved to a time, in whole milliseconds, and never backwards."""
-        from_s, mean, covariance = estimate
-        step_ms, model = round(1e3 * (to_s - from_s)), self.model
-        if step_ms <= 0:
-            return estimate
-        turn_rad_s = turn_rad_s if model.axes == 2 else 0.0
-        way = from_s, step_ms, model.steps(step_ms), model.shape, inputs.history, inputs.count, turn_rad_s
-        propagate(mean, covariance, way, VELOCITY, VELOCITY_BIAS)  # as a call of its own: within others LLVM slows it
-        return GaussianState(from_s + 1e-3 * step_ms, mean, covariance)
+    def _way(self, inputs: Inputs, turn_rad_s: float) -> _Way:
+        model, turn_rad_s = self.model, turn_rad_s if self.model.axes == 2 else 0.0
+        wave = model.wave
+        return model.steps, model.shape, (wave.frequency_rad_s, wave.deck), inputs.history, inputs.count, turn_rad_s
 
 
-_View = tuple[float, float, float, Output]
-"""Of `velocity_of`: the share of ship in view, its settling time, the wave motion's frequency, the deck's motion."""
-_Limits = tuple[float, float, float, float]
-"""Of a velocity: repeats of a reading, the least and the most variance that it is given, the gate."""
+_State = tuple[float, Array, Array, Array, int, float]
+"""Of a filter: time, mean, covariance; velocities that wait and how many; the variance of one reading."""
+_Way = tuple[Steps, Array, tuple[float, Output], Array, int, float]
+"""Matrices, shares of the common noise; the wave motion's frequency and the deck's motion; history and count of the
+inputs; the ship's turn."""
+_Limits = tuple[float, float, float, float, float]
+"""Of a velocity: the settling time of its view, repeats of a reading, least and most variance that it is given, gate.
+"""
 
 
 def _copied(estimate: GaussianState | None) -> GaussianState | None:
     return None if estimate is None else GaussianState(estimate.t_s, estimate.mean.copy(), estimate.covariance.copy())
+
+
+@compiled
+def _first_mean(history: Array, count: int, from_s: float, to_s: float) -> float:
+    return float(mean_input(history, count, from_s, to_s)[0])
+
+
+@compiled
+def _moved(state: _State, to_s: float, way: _Way, limits: _Limits, for_good: bool) -> tuple[float, int, float]:
+    """Move an estimate to a time, with the velocities until then; the time, how many wait, the variance of a reading.
+
+    `for_good` these wait no more, and what their errors are is learned from them.
+    """
+    t_s, mean, covariance, waiting, count, variance = state
+    kept = 0
+    for row in waiting[:count]:
+        if row[0] > to_s:
+            if for_good:
+                waiting[kept] = row
+            kept += 1
+        elif not for_good or row[0] > t_s - _LATE_S:
+            t_s = _propagated(t_s, mean, covariance, row[0], way)
+            variance = _take_velocity(mean, covariance, (row[2:], row[1], variance), way[2], limits, for_good)
+    return _propagated(t_s, mean, covariance, to_s, way), kept if for_good else count, variance
+
+
+@compiled
+def _propagated(t_s: float, mean: Array, covariance: Array, to_s: float, way: _Way) -> float:
+    """Move an estimate to a time in place, in whole milliseconds, and never backwards; the time."""
+    step_ms = min(round(1e3 * (to_s - t_s)), LONGEST_MS)
+    if step_ms <= 0:
+        return t_s
+    steps, shares, _, history, count, turn_rad_s = way
+    propagate(mean, covariance, (t_s, step_ms, steps, shares, history, count, turn_rad_s), VELOCITY, VELOCITY_BIAS)
+    return t_s + 1e-3 * step_ms
 
 
 @compiled
@@ -232,14 +247,14 @@ def _take_picture(mean: Array, covariance: Array, shown: Array, place_m: Array, 
 def _take_velocity(
     mean: Array,
     covariance: Array,
-    reading_mps: tuple[Array, float],
-    view: _View,
+    reading: tuple[Array, float, float],
+    wave: tuple[float, Output],
     limits: _Limits,
     learns: bool,
 ) -> float:
     """Take a velocity (axes,) unless gated out; the variance of a reading, given with it, as it now is."""
-    (measured_mps, variance), (over_ship, settle_s, frequency_rad_s, below) = reading_mps, view
-    axes, (repeats, least, most, gate) = len(measured_mps), limits
+    (measured_mps, over_ship, variance), (frequency_rad_s, below) = reading, wave
+    axes, (settle_s, repeats, least, most, gate) = len(measured_mps), limits
     expected, jacobian = velocity_of(mean, axes, over_ship, settle_s, frequency_rad_s, below)
     innovation = measured_mps - expected
     if learns:

@@ -11,7 +11,7 @@ import math
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,40 +34,27 @@ class HeadingNoise:
     pose_rad: float = key(0.001, "least standard deviation of a pose's yaw")
 
 
-@dataclass(frozen=True)
-class Headings:
-    """Nose, bar [rad], the bar's turn [rad/s], and their covariance (3,3), at one time.
+class Headings(NamedTuple):
+    """Nose, bar [rad] and the bar's turn [rad/s], clockwise, at one time.
 
     Attributes:
+        covariance: (3,3).
         bar_known: a pose has shown the bar's heading.
         posed_s: time of the last pose.
     """
 
     t_s: float
-    mean: Array
+    nose_rad: float
+    bar_rad: float
+    turn_rad_s: float
     covariance: Array
     bar_known: bool = False
     posed_s: float = -math.inf
 
-    @property
-    def nose_rad(self) -> float:
-        """Of the aircraft's nose."""
-        return float(self.mean[0])
-
-    @property
-    def bar_rad(self) -> float:
-        """Of the bar's forward axis."""
-        return float(self.mean[1])
-
-    @property
-    def turn_rad_s(self) -> float:
-        """Of the bar, clockwise."""
-        return float(self.mean[2])
-
 
 def first_headings(t_s: float, nose_rad: float) -> Headings:
     """At the begin of a flight; of the bar nothing is known."""
-    return Headings(t_s, np.array([nose_rad, nose_rad, 0.0]), np.diag([0.03**2, 2.0**2, 0.05**2]))
+    return Headings(t_s, nose_rad, nose_rad, 0.0, np.diag([0.03**2, 2.0**2, 0.05**2]))
 
 
 def headings_at(before: Headings, t_s: float, turned_rad: float, noise: HeadingNoise) -> Headings:
@@ -79,26 +66,24 @@ def headings_at(before: Headings, t_s: float, turned_rad: float, noise: HeadingN
     if t_s - before.posed_s > _UNSEEN_S:  # a turn that is no longer seen decays
         turn *= math.exp(-step_s / _TURN_ENDS_S)
     walk = (noise.nose_rad_per_sqrt_s**2, noise.bar_rad_per_sqrt_s**2, noise.turn_rad_s2**2)
-    mean, covariance = _propagated(before.mean, before.covariance, step_s, turned_rad, turn, walk)
-    return Headings(t_s, mean, covariance, before.bar_known, before.posed_s)
+    nose_rad, bar_rad = before.nose_rad + turned_rad, before.bar_rad + turn * step_s
+    covariance = _propagated(before.covariance, step_s, walk)
+    return Headings(t_s, nose_rad, bar_rad, turn, covariance, before.bar_known, before.posed_s)
 
 
 @compiled
-def _propagated(
-    mean: Array, covariance: Array, step_s: float, turned_rad: float, turn: float, walk: tuple[float, float, float]
-) -> tuple[Array, Array]:
+def _propagated(covariance: Array, step_s: float, walk: tuple[float, float, float]) -> Array:
     transition, noise = np.eye(3), np.zeros((3, 3))
     transition[1, 2] = step_s
     for i in range(3):
         noise[i, i] = walk[i] * step_s
-    after = np.array([mean[0] + turned_rad, mean[1] + turn * step_s, turn])
-    return after, predicted_covariance(transition, covariance, noise)
+    return predicted_covariance(transition, covariance, noise)
 
 
 def shifted(before: Headings, by_rad: float) -> Headings:
     """Both headings turned by `by_rad`; what they differ by stays."""
     by_rad = wrap_angle(by_rad)
-    return replace(before, mean=before.mean + np.array([by_rad, by_rad, 0.0]))
+    return before._replace(nose_rad=before.nose_rad + by_rad, bar_rad=before.bar_rad + by_rad)
 
 
 def anchored(after: Headings, bar_rad: float) -> Headings:
@@ -110,7 +95,7 @@ def anchored(after: Headings, bar_rad: float) -> Headings:
     (nose, both, nose_turn), (_, bar, bar_turn), (_, _, turn) = after.covariance.tolist()
     off, off_turn = nose - 2.0 * both + bar, nose_turn - bar_turn
     covariance = np.array([[off, 0.0, off_turn], [0.0, 0.0, 0.0], [off_turn, 0.0, turn]])
-    return replace(shifted(after, bar_rad - after.bar_rad), covariance=covariance)
+    return shifted(after, bar_rad - after.bar_rad)._replace(covariance=covariance)
 
 
 def with_compass(before: Headings, heading_rad: float, noise: HeadingNoise) -> Headings:
@@ -122,12 +107,12 @@ def with_pose(before: Headings, yaw_rad: float, variance_rad2: float, noise: Hea
     """A pose's yaw: the nose against the bar."""
     variance_rad2 = max(variance_rad2, noise.pose_rad**2)
     if not before.bar_known:
-        mean, covariance = before.mean.copy(), before.covariance.copy()
-        mean[1], mean[2] = wrap_angle(before.nose_rad - yaw_rad), 0.0
+        covariance = before.covariance.copy()
         covariance[1, :] = covariance[:, 1] = 0.0
         covariance[1, 1] = covariance[0, 0] + variance_rad2
         covariance[0, 1] = covariance[1, 0] = covariance[0, 0]
-        return Headings(before.t_s, mean, covariance, True, before.t_s)
+        bar_rad = wrap_angle(before.nose_rad - yaw_rad)
+        return Headings(before.t_s, before.nose_rad, bar_rad, 0.0, covariance, True, before.t_s)
     return _with(before, -1.0, yaw_rad - (before.nose_rad - before.bar_rad), variance_rad2, before.t_s)
 
 
@@ -135,18 +120,21 @@ def _with(before: Headings, bar: float, innovation_rad: float, variance: float, 
     """With a reading of the nose's heading plus `bar` times the bar's; as it was where that is not finite."""
     if not (math.isfinite(innovation_rad) and math.isfinite(variance)):
         return before
-    mean, covariance = _corrected(before.mean, before.covariance, bar, wrap_angle(innovation_rad), variance)
-    return Headings(before.t_s, mean, covariance, before.bar_known, posed_s)
+    mean, covariance = (before.nose_rad, before.bar_rad, before.turn_rad_s), before.covariance.copy()
+    mean = _corrected(mean, covariance, bar, wrap_angle(innovation_rad), variance)
+    return Headings(before.t_s, *mean, covariance, before.bar_known, posed_s)
+
+
+_Mean = tuple[float, float, float]
 
 
 @compiled
-def _corrected(
-    mean: Array, covariance: Array, bar: float, innovation_rad: float, variance: float
-) -> tuple[Array, Array]:
+def _corrected(before: _Mean, covariance: Array, bar: float, innovation_rad: float, variance: float) -> _Mean:
+    """The mean after a reading; the covariance in place."""
     row, off, noise = np.array([[1.0, bar, 0.0]]), np.array([innovation_rad]), np.array([[variance]])
-    after, covariance_after = mean.copy(), covariance.copy()
-    correct(after, covariance_after, row, off, noise, math.inf)
-    return after, covariance_after
+    mean = np.array([before[0], before[1], before[2]])
+    correct(mean, covariance, row, off, noise, math.inf)
+    return mean[0], mean[1], mean[2]
 
 
 class Compass:
@@ -289,7 +277,7 @@ class HeadingFilters:
 
     def _turned_rad(self, from_s: float, to_s: float) -> float:
         """How far the yaw sticks turned the nose; nothing backwards in time."""
-        return float(self._turns.mean(from_s, to_s)[0]) * (to_s - from_s) if to_s > from_s else 0.0
+        return self._turns.mean(from_s, to_s) * (to_s - from_s) if to_s > from_s else 0.0
 
     def _with_news(
         self,

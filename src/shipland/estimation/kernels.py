@@ -6,24 +6,62 @@ Each does what its name says in textbook form, the large ones in place; the test
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
 from shipland.compiled import compiled
 from shipland.frames import Array
 
-Step = tuple[Array, Array, Array]
-"""Of a way in time: (4,n,n) matrices of one axis over all of it, over a stride, over what is left after the strides.
+Steps = tuple[Array, Array, npt.NDArray[np.int64]]
+"""Matrices (4,n,n) of one axis over whole milliseconds: over powers of two, over lengths asked for, which those are.
 
 Transition, noise, input filled up with zeros on its right, and the part of the noise that the axes share.
 """
-Way = tuple[float, int, Step, Array, Array, int, float]
+Way = tuple[float, int, Steps, Array, Array, int, float]
 """Begin [s], whole milliseconds, matrices, (axes, axes) shares of the common noise; history and count of the inputs as
 in `mean_input`; the ship's turn [rad/s]. In one tuple, which compiled code takes faster than so many arguments.
 """
 
 STRIDE_MS = 80
 """Longest step of the mean through inputs: they are averaged over it."""
+LONGEST_MS = (1 << 20) - 1
+"""Longest way at once: a quarter of an hour."""
+_KEPT = 128
+"""Lengths whose matrices are kept: all up to a stride, and of the others the newest."""
+
+
+def steps_from(one: Array) -> Steps:
+    """From the matrices (4,n,n) of a millisecond."""
+    powers = np.zeros((LONGEST_MS.bit_length(), *one.shape))
+    powers[0] = one
+    for half, whole in pairwise(powers):
+        compose(half, half, whole)
+    return powers, np.empty((_KEPT, *one.shape)), np.full(_KEPT, -1)
+
+
+@compiled
+def matrices_of(steps: Steps, step_ms: int) -> Array:
+    """(4,n,n) over so many milliseconds; composed of powers of two, far cheaper than matrix exponentials, and kept."""
+    powers, kept, lengths = steps
+    slot = step_ms
+    if step_ms > STRIDE_MS:
+        slot = STRIDE_MS + 1 + step_ms % (len(kept) - STRIDE_MS - 1)
+    result: Array = kept[slot]
+    if lengths[slot] != step_ms:
+        result[:], lengths[slot], made = 0.0, step_ms, False
+        for i in range(result.shape[1]):
+            result[0, i, i] = 1.0
+        for bit in range(len(powers)):
+            if (step_ms >> bit) & 1:
+                then = result.copy()
+                if made:
+                    result[:] = 0.0
+                    compose(powers[bit], then, result)
+                else:
+                    result[:], made = powers[bit], True
+    return result
 
 
 @compiled
@@ -122,16 +160,15 @@ def propagate(mean: Array, covariance: Array, way: Way, speed: int, bias: int) -
         speed: state of an axis, of its velocity, with
         bias: the velocity bias, as the turn of a ship changes them; see `_turn`.
     """
-    t_s, total_ms, (whole, stride, rest), shares, history, count, turn_rad_s = way
+    t_s, total_ms, steps, shares, history, count, turn_rad_s = way
     if total_ms == 0:
         return
-    axes, states = len(shares), whole.shape[1]
+    axes, states = len(shares), len(mean) // len(shares)
     strides = total_ms // STRIDE_MS
     for index in range(strides + 1):
-        step, step_ms = stride, STRIDE_MS
-        if index == strides:
-            step, step_ms = rest, total_ms % STRIDE_MS
+        step_ms = STRIDE_MS if index < strides else total_ms % STRIDE_MS
         if step_ms > 0:
+            step = matrices_of(steps, step_ms)
             after_s = t_s + 1e-3 * step_ms
             given = mean_input(history, count, t_s, after_s)
             for axis in range(axes):
@@ -139,7 +176,7 @@ def propagate(mean: Array, covariance: Array, way: Way, speed: int, bias: int) -
             if turn_rad_s != 0.0:
                 _turn(mean, turn_rad_s, speed, bias, states, 1e-3 * step_ms)
             t_s = after_s
-    propagate_covariance(covariance, whole, shares)
+    propagate_covariance(covariance, matrices_of(steps, total_ms), shares)
 
 
 @compiled
@@ -162,7 +199,7 @@ def propagate_covariance(covariance: Array, step: Array, shares: Array) -> None:
 
     Args:
         covariance: (axes × n, axes × n).
-        step: (4,n,n) as in `Step`.
+        step: (4,n,n) as in `Steps`.
         shares: (axes, axes) of the common noise.
     """
     axes, states = len(shares), step.shape[1]
@@ -182,7 +219,7 @@ def propagate_covariance(covariance: Array, step: Array, shares: Array) -> None:
 
 @compiled
 def compose(first: Array, then: Array, both: Array) -> None:
-    """Write the matrices (4,n,n) of two steps, one after the other, over zeros; in the order of `Step`."""
+    """Write the matrices (4,n,n) of two steps, one after the other, over zeros; in the order of `Steps`."""
     _add_product(both[0], then[0], first[0])
     for i in range(len(first[2])):
         for j in range(len(first[2])):

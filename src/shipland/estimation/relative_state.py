@@ -33,15 +33,20 @@ import numpy as np
 
 from shipland.compiled import compiled
 from shipland.config import key, parameters
-from shipland.estimation.kernels import STRIDE_MS, Step, compose, correct, predicted_covariance, propagate_covariance
+from shipland.estimation.kernels import (
+    Steps,
+    correct,
+    matrices_of,
+    predicted_covariance,
+    propagate_covariance,
+    steps_from,
+)
 from shipland.estimation.waves import WAVE_STATES, Output, WaveMotion, WaveShares
 from shipland.frames import Array
 
 POSITION, VELOCITY, ACTUATION, GUST, WIND, VELOCITY_BIAS, WAVE, WAVE_RATE = range(8)
 STATES = WAVE + WAVE_STATES
 """Of one axis."""
-_KEPT_STEPS = 256
-"""Lengths of steps whose matrices are kept, 3 kB each."""
 
 
 @dataclass(frozen=True)
@@ -167,22 +172,19 @@ class Model:
         self.axes, self.motion, self.noise, self.wave = axes, motion, noise, wave
         self.shape: Array = np.eye(axes) if shares is None else shares.shape
         """(axes, axes) of the wave motion."""
-        self._steps = _axis_steps(motion, noise, wave)
+        self.steps = _axis_steps(motion, noise, wave)
+        """What `kernels.propagate` takes."""
 
     def step(self, step_ms: int) -> tuple[Array, Array, Array]:
         """Transition (n,n), input matrix (n, axes × inputs) and noise (n,n); for analysis."""
-        (one, noise, push, wave_noise), alike = self._steps.matrices(step_ms), np.eye(self.axes)
+        (one, noise, push, wave_noise), alike = matrices_of(self.steps, step_ms), np.eye(self.axes)
         inputs = np.hstack([np.kron(alike, column[:, None]) for column in push.T[: self.motion.inputs]])
         return np.kron(alike, one), inputs, np.kron(alike, noise) + np.kron(self.shape, wave_noise)
-
-    def steps(self, step_ms: int) -> Step:
-        """What `kernels.propagate` takes."""
-        return self._steps.kept.get(step_ms) or self._steps.step(step_ms)
 
     def covariance_after(self, covariance: Array, step_ms: int) -> Array:
         """(n,n) a while after a covariance, nothing measured meanwhile."""
         after = covariance.copy()
-        propagate_covariance(after, self.steps(step_ms)[0], self.shape)
+        propagate_covariance(after, matrices_of(self.steps, step_ms), self.shape)
         return after
 
     def _wave_shares(self) -> Array:
@@ -263,43 +265,15 @@ class Model:
         return velocity_of(estimate.mean, self.axes, over_ship, settle_s, self.wave.frequency_rad_s, self.wave.deck)
 
 
-class _AxisSteps:
-    """Matrices of one axis over whole milliseconds, as in `kernels.Step`; those asked for are kept."""
-
-    def __init__(self, motion: AxisModel, noise: Disturbances, wave: WaveMotion) -> None:
-        self._dynamics = dynamics(motion, noise, wave)
-        self._solved: dict[int, Array] = {}
-        self.kept: dict[int, Step] = {}
-
-    def step(self, step_ms: int) -> Step:
-        """The matrices of a way of any length."""
-        if len(self._solved) >= _KEPT_STEPS:
-            self._solved.clear()
-            self.kept.clear()
-        lengths_ms = step_ms, min(step_ms, STRIDE_MS), step_ms % STRIDE_MS
-        whole, stride, rest = map(self.matrices, lengths_ms)
-        self.kept[step_ms] = whole, stride, rest
-        return whole, stride, rest
-
-    def matrices(self, step_ms: int) -> Array:
-        """(4,n,n)."""
-        matrices = self._solved.get(step_ms)
-        if matrices is None:
-            matrices = self._solved[step_ms] = np.zeros((4, STATES, STATES))
-            longest_ms = 1 << max((step_ms - 1).bit_length() - 1, 0)
-            if step_ms == 0:
-                matrices[0] = np.eye(STATES)
-            elif step_ms > 1:  # of two steps: far cheaper than matrix exponentials
-                compose(self.matrices(longest_ms), self.matrices(step_ms - longest_ms), matrices)
-            else:
-                a, b, q = self._dynamics
-                wave_q = np.where(np.arange(STATES) < WAVE, 0.0, q)
-                matrices[0], matrices[2, :, : b.shape[1]], matrices[3] = discretised(a, b, wave_q, 1e-3)
-                matrices[1] = discretised(a, b, q - wave_q, 1e-3)[2]
-        return matrices
-
-
-_axis_steps = lru_cache(maxsize=64)(_AxisSteps)
+@lru_cache(maxsize=64)
+def _axis_steps(motion: AxisModel, noise: Disturbances, wave: WaveMotion) -> Steps:
+    """Of one axis."""
+    a, b, q = dynamics(motion, noise, wave)
+    wave_q = np.where(np.arange(STATES) < WAVE, 0.0, q)
+    one = np.zeros((4, STATES, STATES))
+    one[0], one[2, :, : b.shape[1]], one[3] = discretised(a, b, wave_q, 1e-3)
+    one[1] = discretised(a, b, q - wave_q, 1e-3)[2]
+    return steps_from(one)
 
 
 def _wave(axis: int) -> slice:

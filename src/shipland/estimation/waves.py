@@ -82,20 +82,23 @@ class WaveMotion:
 
     def later(self, states: Array, passed_s: float) -> Array:
         """(4,) its states a while later, or earlier."""
-        return np.asarray(_passed(self, round(1e3 * passed_s)) @ states)
+        passed_ms, kept = round(1e3 * passed_s), self._passed
+        if passed_ms not in kept:
+            from scipy.linalg import expm
+
+            kept[passed_ms] = expm(1e-3 * passed_ms * self.matrix)
+        return np.asarray(kept[passed_ms] @ states)
+
+    @cached_property
+    def _passed(self) -> dict[int, Array]:
+        """Transitions (4,4) over whole milliseconds, as they are asked for."""
+        return {}
 
 
 def _output(wave: WaveMotion, shares: Shares) -> Output:
     w = wave.frequency_rad_s
     row = np.array(shares) / np.array([1.0, w, w, w * w])
     return row, row @ wave.matrix
-
-
-@lru_cache(maxsize=4096)
-def _passed(wave: WaveMotion, passed_ms: int) -> Array:
-    from scipy.linalg import expm
-
-    return np.asarray(expm(1e-3 * passed_ms * wave.matrix))
 
 
 @lru_cache(maxsize=64)
@@ -196,6 +199,33 @@ class WaveParameters:
         ]
         return (WaveMotion(self.still_m, 1.8, self.damping), *moving)
 
+    def steps(self, step_ms: int) -> tuple[Array, Array]:
+        """Transitions (k,6,6) and noises (k,6,6) of all hypotheses over whole milliseconds."""
+        if step_ms not in self._steps:
+            self._steps[step_ms] = self._solved(1e-3 * step_ms)
+        return self._steps[step_ms]
+
+    @cached_property
+    def _steps(self) -> dict[int, tuple[Array, Array]]:
+        """Those asked for."""
+        return {}
+
+    def _solved(self, step_s: float) -> tuple[Array, Array]:
+        from scipy.linalg import expm
+
+        n = _STATES
+        blocks = np.zeros((len(self.hypotheses), 2 * n, 2 * n))
+        for block, wave in zip(blocks, self.hypotheses, strict=True):
+            a, q = np.zeros((n, n)), np.zeros(n)
+            a[_HEIGHT, _DRIFT] = 1.0
+            a[_DRIFT, _DRIFT] = -1.0 / self.drift_time_s
+            a[_WAVE:, _WAVE:], q[_WAVE:] = wave.matrix, wave.noise
+            q[_DRIFT] = 2.0 * self.drift_mps**2 / self.drift_time_s
+            block[:n, :n], block[:n, n:], block[n:, n:] = -a, np.diag(q), a.T
+        result = expm(blocks * step_s)
+        transition = np.ascontiguousarray(result[:, n:, n:].transpose(0, 2, 1))
+        return transition, transition @ result[:, :n, n:]
+
 
 _HEIGHT, _DRIFT, _WAVE = range(3)
 _STATES = _WAVE + WAVE_STATES
@@ -260,13 +290,13 @@ class WaveBank:
             return before
         if step_s > 2.0:
             return replace(self.start(t_s, down_m), score=before.score, chosen=before.chosen)
-        steps = _steps(self._parameters, max(1, round(1e3 * step_s)))
+        steps = self._parameters.steps(max(1, round(1e3 * step_s)))
         mean, covariance = before.mean.copy(), before.covariance.copy()
         score = math.exp(-step_s / self._parameters.memory_s) * before.score
         variance = variance_m2 + self._parameters.jitter_m**2
         see_bank(mean, covariance, score, steps, moved_m, down_m, variance)
-        left = float(np.max(score)) - score[before.chosen] > self._parameters.lead
-        chosen = int(np.argmax(score + self._ahead)) if left else before.chosen
+        left = score.max() - score[before.chosen] > self._parameters.lead
+        chosen = int((score + self._ahead).argmax()) if left else before.chosen
         return WaveEstimate(t_s, mean, covariance, score, chosen)
 
     def update_velocity(self, before: WaveEstimate, drift_mps: float, deviation_mps: float) -> WaveEstimate:
@@ -278,22 +308,3 @@ class WaveBank:
         innovation = drift_mps - before.mean[:, _DRIFT]
         covariance = before.covariance - gain[:, :, None] * crossed[:, None, :]
         return replace(before, mean=before.mean + gain * innovation[:, None], covariance=covariance)
-
-
-@lru_cache(maxsize=1024)
-def _steps(parameters: WaveParameters, step_ms: int) -> tuple[Array, Array]:
-    """Transitions (k,6,6) and noises (k,6,6) of all hypotheses over whole milliseconds."""
-    from scipy.linalg import expm
-
-    n = _STATES
-    blocks = np.zeros((len(parameters.hypotheses), 2 * n, 2 * n))
-    for block, wave in zip(blocks, parameters.hypotheses, strict=True):
-        a, q = np.zeros((n, n)), np.zeros(n)
-        a[_HEIGHT, _DRIFT] = 1.0
-        a[_DRIFT, _DRIFT] = -1.0 / parameters.drift_time_s
-        a[_WAVE:, _WAVE:], q[_WAVE:] = wave.matrix, wave.noise
-        q[_DRIFT] = 2.0 * parameters.drift_mps**2 / parameters.drift_time_s
-        block[:n, :n], block[:n, n:], block[n:, n:] = -a, np.diag(q), a.T
-    result = expm(blocks * (1e-3 * step_ms))
-    transition = np.ascontiguousarray(result[:, n:, n:].transpose(0, 2, 1))
-    return transition, transition @ result[:, :n, n:]

@@ -42,7 +42,7 @@ _POSE_GAP_S = 0.5
 """After a gap this long in the poses, one that leaps is soon believed."""
 _STAMP_S = 0.012
 """Standard deviation of what the pictures' times are off by after their correction."""
-_TURNED = np.array([[1.0, -1.0], [-1.0, 1.0]])
+_MeanAndCovariance = tuple[Array, Array]
 _VELOCITY_EVERY_S = 0.06
 """Least time between velocity readings: their noise is coloured, so that closer ones add little."""
 
@@ -285,11 +285,11 @@ class Estimator:
         if predicted is None:
             return None
         across, down = predicted
-        below, sinking = less_wave(down.mean, wave.bar)
+        (down_m,), (down_mps,) = (it.tolist() for it in less_wave(down.mean, wave.bar))
         place_m, speed_mps = less_wave(across.mean, wave.bar)
-        tracked_near = self._wave_parameters.followed_at(math.hypot(*place_m.tolist()))
-        followed_m, followed_mps = less_wave(across.mean, wave.tracked, tracked_near)
         (north_m, east_m), (north_mps, east_mps) = place_m.tolist(), speed_mps.tolist()
+        tracked_near = self._wave_parameters.followed_at(math.hypot(north_m, east_m))
+        followed_m, followed_mps = less_wave(across.mean, wave.tracked, tracked_near)
         to_bar_rad_s = (north_m * east_mps - east_m * north_mps) / max(north_m**2 + east_m**2, 1.0)
         to_bar_rad = math.atan2(-east_m, -north_m)
         if self._line_of_sight is not None:
@@ -306,8 +306,8 @@ class Estimator:
             speed_mps=speed_mps,
             followed_m=followed_m,
             followed_mps=followed_mps,
-            down_m=float(below[0]),
-            down_mps=float(sinking[0]),
+            down_m=down_m,
+            down_mps=down_mps,
             nose_rad=self._headings.nose_at(t_s),
             bar_rad=self._bar_rad(headings, t_s),
             turn_rad_s=self._headings.turn_rad_s,
@@ -340,13 +340,11 @@ class Estimator:
             return None
         bar_rad = self._bar_rad(headings, t_s)
         (nose, both, _), (_, bar, _), _ = headings.covariance.tolist()
-        across, down = (it[1:] for it in predicted)
+        yaw_variance = nose + bar - 2.0 * both
+        across, down = predicted
         place_m, speed_mps, covariance = np.empty(3), np.empty(3), np.zeros((4, 4))
-        _in_bar(across, down, self._assumed.wave.bar, bar_rad, place_m, speed_mps, covariance)
-        covariance[3, 3] = nose + bar - 2.0 * both
-        covariance[:2, :2] += _STAMP_S**2 * np.outer(speed_mps[:2], speed_mps[:2])
-        if self._by_nose:
-            covariance[:2, :2] += covariance[3, 3] * np.outer(place_m[1::-1], place_m[1::-1]) * _TURNED
+        states, errors = (across[1:], down[1:]), (yaw_variance, self._by_nose)
+        _in_bar(states, self._assumed.wave.bar, bar_rad, errors, place_m, speed_mps, covariance)
         return Estimate(t_s, place_m, wrap_angle(self._headings.nose_at(t_s) - bar_rad), speed_mps, covariance)
 
     def _predicted(self, t_s: float) -> tuple[GaussianState, GaussianState] | None:
@@ -363,15 +361,19 @@ class Estimator:
 
 @compiled
 def _in_bar(
-    across: tuple[Array, Array],
-    down: tuple[Array, Array],
+    states: tuple[_MeanAndCovariance, _MeanAndCovariance],
     bar: Output,
     bar_rad: float,
+    errors: tuple[float, bool],
     place_m: Array,
     speed_mps: Array,
     covariance: Array,
 ) -> None:
-    """Write (3,) place, (3,) speed and their part of the (4,4) covariance from the states' means and covariances."""
+    """Write (3,) place, (3,) speed and, over zeros, their (4,4) covariance, in `bar`.
+
+    Of horizontal and vertical state, with the variance of the yaw; by the nose's heading the place errs by it too.
+    """
+    (across, down), (yaw_variance, by_nose) = states, errors
     c, s = math.cos(bar_rad), math.sin(bar_rad)
     (north_m, east_m), (north_mps, east_mps) = less_wave(across[0], bar)
     below_m, below_mps = less_wave(down[0], bar)
@@ -382,7 +384,13 @@ def _in_bar(
     covariance[0, 0] = c * c * p[0, 0] + s * s * p[1, 1] + twice
     covariance[1, 1] = s * s * p[0, 0] + c * c * p[1, 1] - twice
     covariance[0, 1] = covariance[1, 0] = c * s * (p[1, 1] - p[0, 0]) + 0.5 * (c * c - s * s) * (p[0, 1] + p[1, 0])
-    covariance[2, 2] = position_covariance(down[1], bar[0])[0, 0]
+    covariance[2, 2], covariance[3, 3] = position_covariance(down[1], bar[0])[0, 0], yaw_variance
+    for i in range(2):
+        for j in range(2):
+            covariance[i, j] += _STAMP_S**2 * (speed_mps[i] * speed_mps[j])
+            if by_nose:
+                turned = yaw_variance * (place_m[1 - i] * place_m[1 - j])
+                covariance[i, j] += turned if i == j else -turned
 
 
 def _finite(pose: BarPose) -> bool:

@@ -137,7 +137,7 @@ class HeightGate:
         seen, lag_s = self._seen, self._lag_s
         if seen is not None and seen[0] < t_s < seen[0] + _LEAP_S:
             passed_s = t_s - seen[0]
-            moved_m = float(climbs.mean(seen[0] - lag_s, t_s - lag_s)[0]) * passed_s
+            moved_m = climbs.mean(seen[0] - lag_s, t_s - lag_s) * passed_s
             most_m = _LEAP_M + _LEAP_MPS * passed_s + _LEAP_SIGMAS * math.sqrt(variance + seen[2])
             if abs(down_m - seen[1] - moved_m) > most_m:
                 return True
@@ -195,8 +195,8 @@ class HeaveTracker:
             return
         if self._velocity is not None and self._velocity[0] <= t_s:
             velocity_s, down_mps = self._velocity
-            asked_mps = float(climbs.mean(velocity_s - lag_s, velocity_s - lag_s)[0])
+            asked_mps = climbs.mean(velocity_s - lag_s, velocity_s - lag_s)
             before = self._bank.update_velocity(before, down_mps - asked_mps, self._velocity_std_mps)
             self._velocity = None
-        moved_m = float(climbs.mean(before.t_s - lag_s, t_s - lag_s)[0]) * max(t_s - before.t_s, 0.0)
+        moved_m = climbs.mean(before.t_s - lag_s, t_s - lag_s) * max(t_s - before.t_s, 0.0)
         self._estimate = self._bank.update_pose(before, t_s, moved_m, down_m, variance_m2)
