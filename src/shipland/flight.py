@@ -172,7 +172,7 @@ def cycles(vehicle: Vehicle, autonomy: Autonomy, clock: Callable[[], float]) -> 
             if refused:
                 observation = Observation(frame.t_s, frame.gimbal, reason=refused)
             else:
-                frame = replace(frame, height_m=pair[1].height_m)
+                frame = Frame(frame.t_s, frame.image, frame.gimbal, pair[1].height_m, frame.stamp_s, frame.gimbal_age_s)
                 seen = see_or_degrade(autonomy.vision, frame, of_vision)
                 observation = gate.observation(without_repeated(seen, before), frame, vehicle.camera)
                 before = seen
