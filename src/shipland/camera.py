@@ -1,4 +1,7 @@
-"""The pinhole camera with OpenCV's distortion: project, back-project, calibration files."""
+"""The pinhole camera with OpenCV's distortion: project, back-project, calibration files.
+
+OpenCV is imported late: a flight with the geometric camera does without its 17 MB.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,6 @@ import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from shipland.config import key, parameters, require
@@ -44,10 +46,6 @@ class CameraParameters:
 
     def __post_init__(self) -> None:
         require(self.gimbal_min_rad < self.gimbal_max_rad, "gimbal_min_rad must be below gimbal_max_rad")
-
-
-_UNDISTORT_UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
-"""When the fixed-point iteration of undistortion ends: steps, and error in normalised coordinates."""
 
 
 _LONGEST_READ_OUT_S = 0.2
@@ -122,6 +120,8 @@ class Camera:
 
         OpenCV's distortion holds inside the field of view only: points far outside it may fold back into the picture.
         """
+        import cv2
+
         points = np.asarray(points_in_camera_m, dtype=float).reshape(-1, 3)
         pixels = np.full((len(points), 2), np.nan)
         front = points[:, 2] > 1e-9
@@ -135,9 +135,12 @@ class Camera:
         points = np.asarray(pixels, dtype=float).reshape(-1, 2)
         if not self.has_distortion or not len(points):
             return points
+        import cv2
+
         # cv2.undistortPoints stops after five iterations: 0.7 px short in a wide lens's corners.
+        until = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
         undistorted = cv2.undistortPointsIter(
-            points.reshape(-1, 1, 2), self.matrix, self.distortion, np.eye(3), self.matrix, _UNDISTORT_UNTIL
+            points.reshape(-1, 1, 2), self.matrix, self.distortion, np.eye(3), self.matrix, until
         )
         return np.asarray(undistorted, dtype=float).reshape(-1, 2)
 
@@ -179,6 +182,8 @@ class Camera:
         Raises:
             DataError: the file is missing, broken, lacks one of them, or its digest is another's.
         """
+        import cv2
+
         if not path.is_file():
             raise DataError(f"calibration file {path} does not exist")
         if b"\0" in path.read_bytes():  # at which OpenCV stops reading, and takes what came before for the whole
@@ -212,6 +217,8 @@ class Camera:
 
     def to_opencv_yaml(self, path: Path) -> None:
         """Write an OpenCV calibration file, with a digest of its numbers; DataError when it cannot be written."""
+        import cv2
+
         if not path.parent.is_dir():
             raise DataError(f"calibration file {path} cannot be written: its folder does not exist")
         storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)

@@ -7,6 +7,7 @@ import logging
 from collections.abc import Callable, Generator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from shipland.guidance.pilot import Pilot
 from shipland.messages import (
@@ -34,7 +35,7 @@ _LANDING_S = 30.0
 """For a landing beyond the time limit: a hold low over a deck that heaves would be struck by it."""
 
 
-class Stage(enum.Enum):
+class Stage(enum.StrEnum):
     """What a cycle's time is spent on."""
 
     READ = "read"
@@ -59,8 +60,7 @@ class Autonomy:
     override: Callable[[], Override | None] = no_override
 
 
-@dataclass(frozen=True)
-class Cycle:
+class Cycle(NamedTuple):
     """One cycle of the loop, after its command was sent.
 
     Its times are the flight's: the vehicle's until its clock leaps, and then they go on as before.
@@ -172,7 +172,7 @@ def cycles(vehicle: Vehicle, autonomy: Autonomy, clock: Callable[[], float]) -> 
             if refused:
                 observation = Observation(frame.t_s, frame.gimbal, reason=refused)
             else:
-                frame = replace(frame, height_m=pair[1].height_m)
+                frame = Frame(frame.t_s, frame.image, frame.gimbal, pair[1].height_m, frame.stamp_s, frame.gimbal_age_s)
                 seen = see_or_degrade(autonomy.vision, frame, of_vision)
                 observation = gate.observation(without_repeated(seen, before), frame, vehicle.camera)
                 before = seen

@@ -146,7 +146,8 @@ class BarPose:
     def __post_init__(self) -> None:
         _check_shape("BarPose", "position_in_bar_m", self.position_in_bar_m, (3,))
         _check_shape("BarPose", "covariance", self.covariance, (4, 4))
-        _check_shape("BarPose", "corners_px", self.corners_px, (None, 2))
+        if shape_of(self.corners_px)[1:] != (2,):
+            _check_shape("BarPose", "corners_px", self.corners_px, (None, 2))
 
 
 @dataclass(frozen=True)

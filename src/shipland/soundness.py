@@ -1,42 +1,34 @@
 """What a pilot or a vision has given is of the types that it promised, made of plain numbers; else an error says why.
 
 Users bring pilots and visions, and Python checks no types: a result goes on only through here. Whether its numbers are
-finite and plausible is the input gate's and the safety's question.
+finite and plausible is the input gate's and the safety's question. What is promised is what the classes of `messages`
+annotate; in nearly every cycle all of it is kept, and then the very object that was given goes on.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
 import math
 import traceback
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from types import UnionType
+from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from shipland.frames import Array
-from shipland.messages import (
-    BarPose,
-    Box,
-    Decision,
-    DeckSight,
-    Estimate,
-    GimbalAttitude,
-    Intent,
-    Mode,
-    Observation,
-    PilotCommand,
-)
+from shipland.messages import BarPose, Box, Decision, DeckSight, Estimate, GimbalAttitude, Observation, PilotCommand
 
+Sound = TypeVar("Sound")
 _MOST_PERCENT, _MOST_RAD = 1e6, 2.0 * math.pi
 """Largest magnitudes of a stick and of a camera's pitch; products of larger ones might overflow."""
-_SCALARS = {"t_s", "yaw_rad", "reprojection_px"}
-"""Scalar fields of a pose and of an estimate."""
-_POSE_SHAPES = ((3,), (4, 4), (2,))
-"""Shapes of a pose's position, covariance and each corner."""
 _MOST_WORDS = 1000
 """Characters of a reason that are kept."""
 _MOST_KINDS = 5
 """Kinds of errors that are logged in one flight, a traceback each: logging takes time."""
+_FLOAT = np.dtype(float)
+"""Of plain arrays."""
 
 
 def sound_decision(given: object) -> Decision:
@@ -47,45 +39,23 @@ def sound_decision(given: object) -> Decision:
         ValueError: a stick or the camera's pitch is beyond any.
         OverflowError: a number is beyond what a float can hold.
     """
-    decision = _of(given, Decision, "a decision")
-    command = _of(decision.command, PilotCommand, "its command")
-    pitch, roll = _number(command.pitch_percent, "pitch_percent"), _number(command.roll_percent, "roll_percent")
-    heave, yaw = _number(command.heave_percent, "heave_percent"), _number(command.yaw_percent, "yaw_percent")
-    gimbal_rad = _number(command.gimbal_pitch_rad, "gimbal_pitch_rad")
-    for stick in (pitch, roll, heave, yaw):  # what is not finite is the safety's to say
+    decision = _sound(given, "a decision", Decision)
+    command, probability = decision.command, decision.landing_probability
+    for stick in command.sticks_percent:  # what is not finite is the safety's to say
         if _MOST_PERCENT < abs(stick) < math.inf:
             raise ValueError(f"a stick at {stick:g} %")
-    if _MOST_RAD < abs(gimbal_rad) < math.inf:
-        raise ValueError(f"the camera's pitch at {gimbal_rad:g} rad")
-    intent = _of(command.intent, Intent, "its intent")
-    sound = PilotCommand(_number(command.t_s, "t_s"), pitch, roll, heave, yaw, gimbal_rad, intent)
-    mode = decision.mode if decision.mode is None else _of(decision.mode, Mode, "its mode")
-    probability = decision.landing_probability
-    if probability is not None and not 0.0 <= _number(probability, "landing_probability") <= 1.0:
+    if _MOST_RAD < abs(command.gimbal_pitch_rad) < math.inf:
+        raise ValueError(f"the camera's pitch at {command.gimbal_pitch_rad:g} rad")
+    if probability is not None and not 0.0 <= probability <= 1.0:
         raise ValueError(f"a landing_probability of {probability:g}")
-    return Decision(sound, mode, _words(decision.reason), _estimate(decision.estimate), probability)
+    if command.at_contact_height:  # is the safety's to say
+        decision = dataclasses.replace(decision, command=dataclasses.replace(command, at_contact_height=False))
+    return decision
 
 
 def sound_observation(given: object) -> Observation:
     """A vision's observation of plain values; raises as `sound_decision` does, ValueError also of a wrong shape."""
-    seen = _of(given, Observation, "an observation")
-    gimbal = _of(seen.gimbal, GimbalAttitude, "its gimbal")
-    return Observation(
-        _number(seen.t_s, "t_s"),
-        GimbalAttitude(
-            _number(gimbal.roll_rad, "roll_rad"),
-            _number(gimbal.pitch_rad, "pitch_rad"),
-            _number(gimbal.yaw_rad, "yaw_rad"),
-        ),
-        _pose(seen.bar_pose),
-        _box(seen.bar_box, "bar_box"),
-        _box(seen.ship_box, "ship_box"),
-        _words(seen.reason),
-        bool(_of(seen.learned, (bool, np.bool_), "learned")),
-        _deck(seen.deck),
-        _number(seen.gimbal_off_rad, "gimbal_off_rad"),
-        bool(_of(seen.waves_off, (bool, np.bool_), "waves_off")),
-    )
+    return _sound(given, "an observation", Observation)
 
 
 def words_of(error: BaseException) -> str:
@@ -104,62 +74,33 @@ def is_new(error: Exception, known: set[type[Exception]] | None) -> bool:
     return True
 
 
-def _estimate(given: Estimate | None) -> Estimate | None:
-    if given is None or (_is_plain(given, Estimate) and given.aircraft_in_bar_m.shape == (3,)):
-        return given
-    estimate = _of(given, Estimate, "its estimate")
-    velocity, covariance = estimate.velocity_in_bar_mps, estimate.covariance
-    return Estimate(
-        _number(estimate.t_s, "t_s"),
-        _array(estimate.aircraft_in_bar_m, "aircraft_in_bar_m"),
-        _number(estimate.yaw_rad, "yaw_rad"),
-        None if velocity is None else _array(velocity, "velocity_in_bar_mps"),
-        None if covariance is None else _array(covariance, "covariance"),
-    )
+def _sound(given: Any, name: str, cls: Callable[..., Sound]) -> Sound:  # noqa: ANN401 - whatever a user gave
+    value = _of(given, cls, name)
+    if type(value) is cls and _is_plain(value):
+        return cast(Sound, value)
+    return cls(*(_part(getattr(value, field), field, kinds) for field, kinds in _FIELDS[cls].items()))
 
 
-def _pose(given: BarPose | None) -> BarPose | None:
-    if given is None or (_is_plain(given, BarPose) and _pose_shapes(given) == _POSE_SHAPES):
-        return given
-    pose = _of(given, BarPose, "bar_pose")
-    return BarPose(
-        _array(pose.position_in_bar_m, "position_in_bar_m"),
-        _number(pose.yaw_rad, "yaw_rad"),
-        _array(pose.covariance, "covariance"),
-        _number(pose.reprojection_px, "reprojection_px"),
-        _array(pose.corners_px, "corners_px"),
-    )
-
-
-def _pose_shapes(pose: BarPose) -> tuple[object, ...]:
-    return pose.position_in_bar_m.shape, pose.covariance.shape, pose.corners_px.shape[1:]
-
-
-def _box(given: Box | None, name: str) -> Box | None:
-    if given is None:
+def _part(value: Any, name: str, kinds: tuple[type, ...]) -> Any:  # noqa: ANN401 - a value of any of its kinds
+    """The sound value of a field that may be of any of these types."""
+    if value is None and type(None) in kinds:
         return None
-    box = _of(given, Box, name)
-    return Box(_pair(box.centre_px, "centre_px"), _pair(box.size_px, "size_px"), _number(box.confidence, "confidence"))
+    convert = _CONVERTED.get(kinds[0])
+    if convert is not None:
+        return convert(value, name)
+    return _sound(value, name, kinds[0]) if kinds[0] in _FIELDS else _of(value, kinds[0], name)
 
 
-def _deck(given: DeckSight | None) -> DeckSight | None:
-    if given is None:
-        return None
-    deck = _of(given, DeckSight, "deck")
-    normal = deck.normal_in_level
-    return DeckSight(
-        _array(deck.centre_in_level_m, "centre_in_level_m"),
-        _array(deck.deviation_m, "deviation_m"),
-        None if normal is None else _array(normal, "normal_in_level"),
-    )
-
-
-def _is_plain(value: object, cls: type) -> bool:
-    """Whether a value has exactly this class, with floats and arrays of floats only: it needs no further check."""
-    return type(value) is cls and all(
-        type(part) is float or (type(part) is np.ndarray and part.dtype == np.float64 and name not in _SCALARS)
-        for name, part in vars(value).items()
-    )
+def _is_plain(value: object) -> bool:
+    """Whether the fields of a value of one of our classes are of exactly their types: it needs no conversion."""
+    parts = vars(value).values()
+    if tuple(map(type, parts)) not in _TYPES[type(value)]:
+        return False
+    for part in parts:
+        check = _CHECKED.get(type(part))
+        if check is not None and not check(part):
+            return False
+    return True
 
 
 def _of(value: object, cls: Any, name: str) -> Any:  # noqa: ANN401 - the caller's class
@@ -170,8 +111,6 @@ def _of(value: object, cls: Any, name: str) -> Any:  # noqa: ANN401 - the caller
 
 
 def _number(value: Any, name: str) -> float:  # noqa: ANN401 - whatever a user gave
-    if type(value) is float:
-        return value
     if isinstance(value, str | bytes | bytearray):
         raise TypeError(f"{name} is a {type(value).__name__}, expected a number")
     return float(value)
@@ -189,8 +128,40 @@ def _array(value: object, name: str) -> Array:
     return array.astype(float, copy=False)
 
 
-def _words(value: object) -> str:
+def _words(value: str, name: str) -> str:
     """A text as a log can take it."""
-    if not isinstance(value, str):
-        raise TypeError(f"reason is a {type(value).__name__}, expected a str")
-    return value[:_MOST_WORDS].encode("utf-8", "replace").decode("utf-8")
+    text: str = _of(value, str, name)
+    return text[:_MOST_WORDS].encode("utf-8", "replace").decode("utf-8")
+
+
+def _flag(value: object, name: str) -> bool:
+    return bool(_of(value, (bool, np.bool_), name))
+
+
+def _kinds(hint: Any) -> tuple[type, ...]:  # noqa: ANN401 - an annotation
+    """The types that an annotation allows, without what they hold."""
+    alternatives = get_args(hint) if isinstance(hint, UnionType) else (hint,)
+    return tuple(get_origin(each) or each for each in alternatives)
+
+
+_CONVERTED: dict[type, Callable[[Any, str], object]] = {
+    float: _number,
+    tuple: _pair,
+    np.ndarray: _array,
+    str: _words,
+    bool: _flag,
+}
+_FIELDS: dict[object, dict[str, tuple[type, ...]]] = {
+    cls: {name: _kinds(hint) for name, hint in get_type_hints(cls).items()}
+    for cls in (GimbalAttitude, BarPose, Box, DeckSight, Observation, PilotCommand, Estimate, Decision)
+}
+"""The types that each field may have, by class."""
+_TYPES = {cls: set(itertools.product(*fields.values())) for cls, fields in _FIELDS.items()}
+"""Those that all fields together may have."""
+_CHECKED: dict[object, Callable[[Any], bool]] = {
+    **dict.fromkeys(_FIELDS, _is_plain),
+    np.ndarray: lambda array: array.dtype == _FLOAT,
+    tuple: lambda pair: tuple(map(type, pair)) == (float, float),
+    str: lambda text: text.isascii() and len(text) <= _MOST_WORDS,
+}
+"""Of what has its type, whether it is plain inside too."""

@@ -128,7 +128,7 @@ class Safety:
         battery = telemetry.battery_percent
         if battery is not None and battery < self._parameters.low_battery_percent:
             notes.append(f"battery at {battery:.0f} %")
-        reason = "; ".join(text for text in (decision.reason, *notes) if text)
+        reason = "; ".join(filter(None, (decision.reason, *notes)))
         return Decision(command, mode, reason, decision.estimate, decision.landing_probability)
 
     def without_pilot(self, reason: str, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:
@@ -145,10 +145,10 @@ class Safety:
     def _sound(self, command: PilotCommand, t_s: float) -> tuple[PilotCommand, list[str]]:
         """The pilot's command at this time, or a hold where it is no number or flown on data that is too old."""
         notes = list[str]()
-        if not all(map(math.isfinite, (*_sticks(command), command.gimbal_pitch_rad))):
+        if not all(map(math.isfinite, (*command.sticks_percent, command.gimbal_pitch_rad))):
             command, notes = PilotCommand.hold(t_s, _gimbal_rad(command, self._last)), ["command not finite: hold"]
         stale_s = t_s - self._estimate.seen_s
-        if command.intent is Intent.FLY and stale_s > self._parameters.stale_s and any(_sticks(command)):
+        if command.intent is Intent.FLY and stale_s > self._parameters.stale_s and any(command.sticks_percent):
             command = PilotCommand.hold(t_s, command.gimbal_pitch_rad)
             notes.append(f"data {stale_s:.1f} s old: hold" if math.isfinite(stale_s) else "nothing seen yet: hold")
         return command, notes
@@ -218,26 +218,25 @@ class Safety:
         """No way towards a bar that is too near, none away from one that is too far."""
         limits, estimate = self._parameters, self._estimate
         place_m = estimate.place_at(t_s, limits.stale_s)
-        distance_m, to_bar = estimate.bar_in_level()
+        distance_m = estimate.bar_distance_m()
         if place_m is not None and -place_m[0] < limits.bar_clearance_m:
             forward = math.cos(estimate.yaw_rad), -math.sin(estimate.yaw_rad)
             command = _without(command, forward, f"{-place_m[0]:.2f} m to the bar", notes)
         elif distance_m < limits.bar_clearance_m:
-            command = _without(command, to_bar, f"{distance_m:.2f} m to the bar", notes)
+            command = _without(command, estimate.bar_in_level(), f"{distance_m:.2f} m to the bar", notes)
         if distance_m > limits.fence_distance_m:
+            to_bar = estimate.bar_in_level()
             command = _without(command, (-to_bar[0], -to_bar[1]), f"fence: {distance_m:.0f} m from the bar", notes)
         return command
 
     def _limited(self, command: PilotCommand, t_s: float) -> PilotCommand:
         """The command at this time, its sticks within their range and rate."""
-        limit = self._parameters.max_percent
-        sticks = [max(-limit, min(limit, stick)) for stick in _sticks(command)]
-        if self._last is not None:
-            step = self._parameters.slew_percent_per_s * max(0.0, t_s - self._last.t_s)
-            sticks = [
-                max(before - step, min(before + step, stick))
-                for stick, before in zip(sticks, _sticks(self._last), strict=True)
-            ]
+        limit, last = self._parameters.max_percent, self._last or command
+        step = math.inf if self._last is None else self._parameters.slew_percent_per_s * max(0.0, t_s - last.t_s)
+        sticks = [
+            max(before - step, min(before + step, max(-limit, min(limit, stick))))
+            for stick, before in zip(command.sticks_percent, last.sticks_percent, strict=True)
+        ]
         pitch, roll, heave, yaw = sticks
         at_contact_height = self._at_contact_height(t_s)
         return PilotCommand(t_s, pitch, roll, heave, yaw, command.gimbal_pitch_rad, command.intent, at_contact_height)
@@ -267,7 +266,3 @@ def _without(command: PilotCommand, direction: Vector, note: str, notes: list[st
         return command
     notes.append(note)
     return replace(command, pitch_percent=pitch - along * direction[0], roll_percent=roll - along * direction[1])
-
-
-def _sticks(command: PilotCommand) -> tuple[float, float, float, float]:
-    return command.pitch_percent, command.roll_percent, command.heave_percent, command.yaw_percent

@@ -93,7 +93,7 @@ class CueHeight(NamedTuple):
                     observation, bar_pose=None, reason=reason
                 )
         height_m = cue_m if self.height_m is None else self.height_m + self.parameters.share * (cue_m - self.height_m)
-        return self._replace(height_m=height_m, pose_s=t_s, refused_since_s=None), observation
+        return CueHeight(self.parameters, self.least_drop_m, height_m, t_s, None, self.heights), observation
 
     def _height_at(self, t_s: float) -> float | None:
         """Over the take-off point at an exposure, between readings; None where none is near."""

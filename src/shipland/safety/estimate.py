@@ -149,13 +149,15 @@ class SafetyEstimate(NamedTuple):
             return height_m - self.deck_height_m
         return None
 
-    def bar_in_level(self) -> tuple[float, Vector]:
-        """Distance to the bar and the unit vector to it, forward and right; NaN distance where unknown."""
-        if self.bar_from_aircraft_m is None:
-            return math.nan, (0.0, 0.0)
-        distance_m = math.hypot(*self.bar_from_aircraft_m)
-        ahead_m, right_m = self.in_level(self.bar_from_aircraft_m)
-        return distance_m, (ahead_m / max(distance_m, 1e-9), right_m / max(distance_m, 1e-9))
+    def bar_distance_m(self) -> float:
+        """Horizontal distance to the bar; NaN where unknown."""
+        return math.nan if self.bar_from_aircraft_m is None else math.hypot(*self.bar_from_aircraft_m)
+
+    def bar_in_level(self) -> Vector:
+        """The unit vector to the bar, forward and right; zero where unknown."""
+        ahead_m, right_m = self.in_level(self.bar_from_aircraft_m or (0.0, 0.0))
+        distance_m = max(self.bar_distance_m(), 1e-9)
+        return ahead_m / distance_m, right_m / distance_m
 
     def velocity_bias_leap_mps(self) -> float:
         """By how much the velocity reference has left what it may be; 0 where it is not known.
@@ -224,10 +226,8 @@ class SafetyEstimator:
         told_mps, height_s = telemetry.velocity_in_level_mps, telemetry.height_t_s
         times_s = telemetry.t_s, telemetry.t_s if height_s is None else height_s
         values = (telemetry.heading_rad, telemetry.height_m, telemetry.roll_rad, telemetry.pitch_rad)
-        told = (
-            *(math.nan if it is None else it for it in values),
-            *(_UNTOLD if told_mps is None else told_mps.tolist()),
-        )
+        velocity_mps = _UNTOLD if told_mps is None else told_mps.tolist()
+        told = (*[math.nan if it is None else it for it in values], *velocity_mps)
         _take_telemetry(records, self._ways, self._sights, times_s, told)
         if observation.waves_off:
             records["waved_off_s"] = t_s

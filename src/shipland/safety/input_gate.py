@@ -62,7 +62,7 @@ class InputGate(NamedTuple):
         if self.now_s is None:
             return self._replace(now_s=t_s) if fits_frame and math.isfinite(exposed_s) else self
         if math.isfinite(t_s) and 0.0 <= t_s - self.leapt_s - self.now_s <= _LEAP_S:
-            return self._replace(now_s=t_s - self.leapt_s, suspect_s=None)
+            return InputGate(t_s - self.leapt_s, self.exposure_s, self.gimbal, self.leapt_s)
         if self.suspect_s is not None and fits_frame and 0.0 < t_s - self.suspect_s <= _LEAP_S:
             return self._leapt(self.now_s, t_s, self.suspect_s)
         return self._replace(suspect_s=t_s if math.isfinite(t_s) else self.suspect_s)
@@ -80,7 +80,7 @@ class InputGate(NamedTuple):
         """When the command is decided, at `t_s` by the vehicle's clock; `asked_s` [s] where that is no good time."""
         told_s = t_s - self.leapt_s
         good = math.isfinite(told_s) and self.now_s is not None and 0.0 <= told_s - self.now_s <= 2.0 * _LEAP_S
-        return self._replace(now_s=told_s if good else asked_s)
+        return InputGate(told_s if good else asked_s, *self[1:])
 
     def frame(self, frame: Frame | None) -> tuple[InputGate, Frame, str]:
         """The frame at the flight's time, and why it is not looked at; empty when it is.
@@ -105,13 +105,13 @@ class InputGate(NamedTuple):
         elif not frame.gimbal_age_s <= _OLD_GIMBAL_S:
             reason = _old_gimbal(frame.gimbal_age_s)
         if not reason:
-            return self._replace(exposure_s=frame.t_s, gimbal=frame.gimbal), frame, ""
+            return InputGate(self.now_s, frame.t_s, frame.gimbal, *self[3:]), frame, ""
         return self, replace(frame, t_s=last_s, gimbal=self.gimbal), reason
 
     def observation(self, observation: Observation, frame: Frame, camera: Camera) -> Observation:
         """The observation without what is not finite or cannot be; its reason says what was refused."""
-        pose, bar, ship, refused = observation.bar_pose, observation.bar_box, observation.ship_box, list[str]()
-        deck = observation.deck
+        pose, bar, ship, deck = observation.bar_pose, observation.bar_box, observation.ship_box, observation.deck
+        refused: list[str] = []
         late_s = frame.t_s - observation.t_s
         if not (math.isfinite(late_s) and -1e-9 <= late_s <= _LEAP_S):
             pose = bar = ship = deck = None
@@ -143,19 +143,19 @@ class InputGate(NamedTuple):
         now_s = telemetry.t_s if self.now_s is None else self.now_s
         if self.leapt_s:
             telemetry = _earlier(telemetry, self.leapt_s)
-        parts = {
-            "roll": (telemetry.roll_rad, telemetry.attitude_t_s, _WIDEST_RAD),
-            "pitch": (telemetry.pitch_rad, telemetry.attitude_t_s, _WIDEST_RAD),
-            "heading": (telemetry.heading_rad, telemetry.heading_t_s, _WIDEST_RAD),
-            "height": (telemetry.height_m, telemetry.height_t_s, _HIGHEST_M),
-            "velocity": (telemetry.velocity_in_level_mps, telemetry.velocity_t_s, _FASTEST_MPS),
-            "battery": (telemetry.battery_percent, None, 100.0),
-            "link": (telemetry.link_percent, None, 100.0),
-        }
+        attitude, heading = _timely(telemetry.attitude_t_s, now_s), _timely(telemetry.heading_t_s, now_s)
+        height, velocity = _timely(telemetry.height_t_s, now_s), _timely(telemetry.velocity_t_s, now_s)
+        parts = (
+            ("roll", telemetry.roll_rad, attitude, _WIDEST_RAD),
+            ("pitch", telemetry.pitch_rad, attitude, _WIDEST_RAD),
+            ("heading", telemetry.heading_rad, heading, _WIDEST_RAD),
+            ("height", telemetry.height_m, height, _HIGHEST_M),
+            ("velocity", telemetry.velocity_in_level_mps, velocity, _FASTEST_MPS),
+            ("battery", telemetry.battery_percent, True, 100.0),
+            ("link", telemetry.link_percent, True, 100.0),
+        )
         refused = [
-            name
-            for name, (value, t_s, limit) in parts.items()
-            if value is not None and not (_within(value, limit) and _timely(t_s, now_s))
+            name for name, value, timely, limit in parts if value is not None and not (timely and _within(value, limit))
         ]
         if not refused and telemetry.t_s == now_s:
             return telemetry, ""
@@ -169,10 +169,10 @@ class InputGate(NamedTuple):
             velocity_in_level_mps=None if "velocity" in refused else telemetry.velocity_in_level_mps,
             battery_percent=None if "battery" in refused else telemetry.battery_percent,
             link_percent=None if "link" in refused else telemetry.link_percent,
-            attitude_t_s=telemetry.attitude_t_s if _timely(telemetry.attitude_t_s, now_s) else None,
-            heading_t_s=telemetry.heading_t_s if _timely(telemetry.heading_t_s, now_s) else None,
-            height_t_s=telemetry.height_t_s if _timely(telemetry.height_t_s, now_s) else None,
-            velocity_t_s=telemetry.velocity_t_s if _timely(telemetry.velocity_t_s, now_s) else None,
+            attitude_t_s=telemetry.attitude_t_s if attitude else None,
+            heading_t_s=telemetry.heading_t_s if heading else None,
+            height_t_s=telemetry.height_t_s if height else None,
+            velocity_t_s=telemetry.velocity_t_s if velocity else None,
         )
         return admitted, f"telemetry refused: {', '.join(refused)}" if refused else ""
 
@@ -184,7 +184,7 @@ def without_repeated(observation: Observation, before: Observation | None) -> Ob
     new time stamps, and the aircraft would seem to stand while it flies on.
     """
     pose, last = observation.bar_pose, None if before is None else before.bar_pose
-    if pose is None or last is None or np.asarray(pose.corners_px).tolist() != np.asarray(last.corners_px).tolist():
+    if pose is None or last is None or pose.corners_px.tobytes() != last.corners_px.tobytes():
         return observation
     return replace(observation, bar_pose=None, reason="picture repeated: the stream stands still")
 
@@ -237,8 +237,7 @@ def _within(value: float | Array, limit: float) -> bool:
     """Whether no component is larger than a limit; what is no number is not within."""
     if isinstance(value, float):
         return abs(value) <= limit
-    numbers = np.asarray(value).ravel().tolist()
-    return all(map(math.isfinite, numbers)) and max(map(abs, numbers), default=0.0) <= limit
+    return all(map(limit.__ge__, map(abs, np.asarray(value).ravel().tolist())))
 
 
 def _plausible_box(box: Box, camera: Camera) -> bool:

@@ -10,6 +10,7 @@ import enum
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from shipland.config import key, parameters, scaled
 from shipland.frames import GRAVITY_MPS2, Array, turned
@@ -113,8 +114,7 @@ class Ship:
         return Ship(rig.deck_in_bar_m, 0.5 * rig.deck_size_m, 0.5 * rig.platform_width_m, top_m)
 
 
-@dataclass(frozen=True)
-class Look:
+class Look(NamedTuple):
     """What the rules are asked of.
 
     Attributes:
@@ -253,10 +253,11 @@ def gimbal_contradicts(look: Look) -> Finding | None:
 
 def blind_near(look: Look) -> Finding | None:
     """Near the ship, not landing, and no pose for a while: boxes do not tell a deck from its edge."""
-    distance_m, blind_s = look.estimate.bar_in_level()[0], look.t_s - look.estimate.pose_s
-    near = look.command.intent is Intent.FLY and distance_m < look.limits.near_m
+    distance_m, blind_s = look.estimate.bar_distance_m(), look.t_s - look.estimate.pose_s
+    if look.command.intent is not Intent.FLY or not distance_m < look.limits.near_m:
+        return None
     known = blind_s < _POSED_S or look.t_s - look.estimate.bar_box_s < look.limits.blind_s
-    if not (near and known and look.blind and blind_s < math.inf):
+    if not (known and look.blind and blind_s < math.inf):
         return None
     return Finding(Action.GO_AROUND, f"no pose for {blind_s:.1f} s, {distance_m:.1f} m from the bar")
 
@@ -293,13 +294,13 @@ def height_contradicts(look: Look) -> Finding | None:
 def telemetry_old(look: Look) -> Finding | None:
     """Of what the vehicle gives, something is older than a landing may be flown with."""
     told = look.telemetry
-    ages_s = {
-        "attitude": None if told.roll_rad is None else told.attitude_t_s,
-        "velocity": None if told.velocity_in_level_mps is None else told.velocity_t_s,
-        "height": None if told.height_m is None else told.height_t_s,
-    }
-    for name, t_s in ages_s.items():
-        if t_s is not None and look.t_s - t_s > look.limits.telemetry_s:
+    times_s = (
+        ("attitude", told.roll_rad, told.attitude_t_s),
+        ("velocity", told.velocity_in_level_mps, told.velocity_t_s),
+        ("height", told.height_m, told.height_t_s),
+    )
+    for name, value, t_s in times_s:
+        if value is not None and t_s is not None and look.t_s - t_s > look.limits.telemetry_s:
             return Finding(Action.NO_GO, f"{name} {look.t_s - t_s:.1f} s old")
     return None
 

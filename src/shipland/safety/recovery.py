@@ -116,7 +116,7 @@ def sticks_of(
     if over_m is not None and over_m < _FEET_FREE_M:
         astern_mps = 0.0  # feet that still stand would tip it over
     told = estimate.velocity_mps is not None or estimate.velocity_at(t_s, parameters.blind_s) is not None
-    if rung is Rung.RETURN and (estimate.bar_in_level()[0] >= parameters.return_m or not told):
+    if rung is Rung.RETURN and (estimate.bar_distance_m() >= parameters.return_m or not told):
         astern_mps = 0.0  # there, or without anything that tells the way made good: it would never end
     pitch_percent, roll_percent = _level_sticks(estimate, t_s, -astern_mps, response, parameters)
     still = climb_percent == pitch_percent == roll_percent == 0.0

@@ -9,7 +9,6 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from shipland.camera import Camera
@@ -197,6 +196,8 @@ def bound(camera_from_plane: Pose, corners: Corners, camera: Camera, prior: Leve
 
 
 def _solve(corners: Corners, camera: Camera, prior: LevelPrior | None) -> list[Solution]:
+    import cv2  # see `camera`
+
     problem = problem_of(corners, camera, prior)
     places = np.column_stack([problem.plane, np.zeros(len(problem.plane))])
     for nudge in (0.0, _NUDGE):
