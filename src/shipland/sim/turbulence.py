@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,8 +46,7 @@ class TurbulenceParameters:
         require(self.height_min_m < self.height_max_m, "height_min_m must be below height_max_m")
 
 
-@dataclass(frozen=True)
-class Scales:
+class Scales(NamedTuple):
     """Turbulence at one height: lengths Lu = Lv and Lw, deviations σu along the mean wind, σv across, σw vertical."""
 
     length_horizontal_m: float

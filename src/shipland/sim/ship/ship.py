@@ -59,8 +59,7 @@ class ShipState:
     @property
     def place(self) -> ShipPlace:
         """Where `ship` is."""
-        north_m, east_m = self.course.position_in_ned_m.tolist()
-        return ShipPlace(north_m, east_m, -self.rig.deck_height_m, self.course.course_rad)
+        return place_of(self.course.values, self.rig.deck_height_m)
 
     @cached_property
     def _poses(self) -> tuple[Pose, Pose, Pose]:
@@ -90,6 +89,12 @@ class ShipState:
     def ned_from_bar(self) -> Pose:
         """The bar: level always."""
         return self._poses[2]
+
+
+def place_of(course: Array, deck_height_m: float) -> ShipPlace:
+    """Where `ship` is by `CourseState.values`."""
+    north_m, east_m, _, _, _, _, course_rad, _, _ = course.tolist()
+    return ShipPlace(north_m, east_m, -deck_height_m, course_rad)
 
 
 @compiled
@@ -166,6 +171,10 @@ class Ship:
         flashes = bool(self._waves_off_s) and t_s % _FLASH_S < 0.5 * _FLASH_S
         waves_off = flashes and any(begin_s <= t_s < end_s for begin_s, end_s in self._waves_off_s)
         return ShipState(self.course.at(t_s), self.deck_motion.at(t_s), self.rig, self.full_ship, waves_off)
+
+    def motion(self, t_s: float) -> tuple[Array, Array]:
+        """(9,) of the course and (18,) of the deck in `ship`: the values of both in `at`, without the rest of it."""
+        return self.course.at(t_s).values, self.deck_motion.at(t_s).values
 
 
 _FLASH_S = 0.5
