@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import chain, repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -65,8 +66,7 @@ def land_scales(parameters: TurbulenceParameters, height_m: float, wind_at_20_ft
 
 def normal_numbers(rng: np.random.Generator) -> Iterator[float]:
     """Standard normal numbers without end, drawn in blocks because one at a time is slow."""
-    while True:
-        yield from rng.standard_normal(1024).tolist()
+    return chain.from_iterable(rng.standard_normal(1024).tolist() for _ in repeat(None))
 
 
 class Dryden:

@@ -119,8 +119,8 @@ class Airwake:
             towards_rad: direction that it blows to, clockwise from the bow.
             step_s: time since the last call; the turbulence advances by it.
         """
-        normals = next(self._normal), next(self._normal), next(self._normal)
-        return _disturbance(self._sizes, position_in_ship_m, speed_mps, towards_rad, step_s, self._eddy, normals)
+        sizes, normals = self._sizes, (next(self._normal), next(self._normal), next(self._normal))
+        return _disturbance(sizes, position_in_ship_m, speed_mps, towards_rad, step_s, self._eddy, normals)
 
 
 _Sizes = tuple[tuple[float, float, float, float], Vector, Vector, Vector]
@@ -170,16 +170,10 @@ def _wake(sizes: _Sizes, position_in_ship_m: Vector, towards_rad: float) -> Vect
 
 @compiled
 def _disturbance(
-    sizes: _Sizes,
-    position_in_ship_m: Vector,
-    speed_mps: float,
-    towards_rad: float,
-    step_s: float,
-    eddy: Array,
-    normals: Vector,
+    sizes: _Sizes, place_m: Vector, speed_mps: float, towards_rad: float, step_s: float, eddy: Array, normals: Vector
 ) -> Vector:
     """`Airwake.disturbance`; standard normal numbers (3,) drive the turbulence `eddy` (3,)."""
-    deficit, downwash, turbulence = _wake(sizes, position_in_ship_m, towards_rad)
+    deficit, downwash, turbulence = _wake(sizes, place_m, towards_rad)
     length_m, share, vertical_share = sizes[3]
     keep = math.exp(-step_s * speed_mps / length_m)
     std = math.sqrt(1.0 - keep * keep)

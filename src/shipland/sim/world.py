@@ -166,8 +166,8 @@ class World:
         self._steps, self._tick_s = 0, tick_s
         self._motors_run = True
         self._reach_m = math.inf
-        self._sticks, self._land, self._command_s, self._stale_steps = CENTRED, False, -math.inf, 0
-        self._flown_sticks: Sticks | None = None
+        self._sticks, self._land, self._stale_steps = CENTRED, False, 0
+        self._flown_sticks: Sticks | None = None  # as they stand in the record
 
         position_m, heading_rad = self._draw_start(start, start_rng)
         self._set_ship(hull=True)
@@ -223,8 +223,8 @@ class World:
         self._land = command.intent is Intent.LAND
         if math.isfinite(command.gimbal_pitch_rad):
             self._record.values[_GIMBAL_WANTED] = command.gimbal_pitch_rad
-        self._command_s, timeout_s = self.t_s, self._aircraft.settings.command_timeout_s
-        self._stale_steps = math.ceil((self._command_s + timeout_s - 1e-9) / self._step_s - 1e-6)
+        stale_s = self.t_s + self._aircraft.settings.command_timeout_s
+        self._stale_steps = math.ceil((stale_s - 1e-9) / self._step_s - 1e-6)
 
     def advance(self, to_t_s: float) -> None:
         """Step to the last grid instant not after `to_t_s` [s]; an earlier time does nothing."""
@@ -282,12 +282,9 @@ class World:
         self._clear = steps == count
         return steps > 0
 
-    def _fresh(self) -> bool:
-        return self.t_s - self._command_s < self._aircraft.settings.command_timeout_s - 1e-9
-
     def _give_sticks(self) -> bool:
         """Put the sticks of now into the record; whether they are a fresh command's."""
-        fresh = self._fresh()
+        fresh = self._steps < self._stale_steps
         sticks = self._sticks if fresh else CENTRED
         if sticks is not self._flown_sticks:
             self._record.values[_STICKS] = self._flown_sticks = sticks
@@ -298,9 +295,8 @@ class World:
         self._reach_m = reach_m(self._record.states)
         if self._steps % self._air_every and self._reach_m < self._near_ship_m:
             self._set_ship(hull=True)
-        record, fresh, down_mps = self._record, self._fresh(), float(self._record.values[_W_AT_TICK])
+        record, fresh, down_mps = self._record, self._give_sticks(), float(self._record.values[_W_AT_TICK])
         if self._packaged:
-            self._give_sticks()
             record.values[_DECK_S] = 0.0
             tick(record.states, record.constants, self._gimbal_normals.draws(2), self._motors_run)
         else:
@@ -308,8 +304,7 @@ class World:
             step_gimbal(state, constants, *self._gimbal_normals.draws(2).tolist())
             sense(state, constants)
             over_deck = self._bodies.over_deck if self._reach_m < self._near_deck_m else None
-            sticks = self._sticks if fresh else CENTRED
-            piloted = sticks if self._motors_run else None
+            piloted = self._flown_sticks if self._motors_run else None
             force, moment = self._flier.step(motion, record.sensed, piloted, self._wind_mps, over_deck)
             record.values[_WRENCH] = (*force, *moment)
         self._sensed_s = self.t_s
@@ -321,7 +316,8 @@ class World:
     def _set_ship(self, hull: bool) -> None:
         """Put the ship of now into the record."""
         self._ship_s, self._unstaged_deck, self._unstaged_hull = self.t_s, True, self._unstaged_hull or hull
-        self._course[:], deck_in_ship = self._ship.motion(self._ship_s)
+        self._course[:] = self._ship.course.at(self._ship_s).values
+        deck_in_ship = self._ship.deck_motion.at(self._ship_s).values
         deck_in_ned(self._course, deck_in_ship, self._deck_height_m, self._deck)
 
     def _set_stage(self) -> None:

@@ -172,10 +172,6 @@ class Ship:
         waves_off = flashes and any(begin_s <= t_s < end_s for begin_s, end_s in self._waves_off_s)
         return ShipState(self.course.at(t_s), self.deck_motion.at(t_s), self.rig, self.full_ship, waves_off)
 
-    def motion(self, t_s: float) -> tuple[Array, Array]:
-        """(9,) of the course and (18,) of the deck in `ship`: the values of both in `at`, without the rest of it."""
-        return self.course.at(t_s).values, self.deck_motion.at(t_s).values
-
 
 _FLASH_S = 0.5
 """The status light flashes 120 times a minute, half of the time [IMO MODU Code 2009, 13.5.26]."""
