@@ -102,22 +102,13 @@ class Airwake:
         self._eddy = np.array([next(self._normal) for _ in range(3)])
 
     def place(self, position_in_ship_m: Vector, towards_rad: float) -> WakePlace:
-        """The wake at a place.
-
-        Args:
-            position_in_ship_m: forward, starboard, down of the deck's centre.
-            towards_rad: direction that the relative wind blows to, clockwise from the bow.
-        """
+        """The wake at a place in `ship`, in a relative wind that blows to a direction, clockwise from the bow."""
         return WakePlace(*_wake(self._sizes, position_in_ship_m, towards_rad))
 
     def disturbance(self, position_in_ship_m: Vector, speed_mps: float, towards_rad: float, step_s: float) -> Vector:
-        """Velocity that the wake adds to the air, along the ship's forward, starboard, down [m/s].
+        """Velocity that the wake adds to the air at a `place`, along the ship's forward, starboard, down [m/s].
 
-        Args:
-            position_in_ship_m: where, as in `place`.
-            speed_mps: relative wind.
-            towards_rad: direction that it blows to, clockwise from the bow.
-            step_s: time since the last call; the turbulence advances by it.
+        `speed_mps` is the relative wind's. The turbulence advances by `step_s`, the time since the last call.
         """
         sizes, normals = self._sizes, (next(self._normal), next(self._normal), next(self._normal))
         return _disturbance(sizes, position_in_ship_m, speed_mps, towards_rad, step_s, self._eddy, normals)
@@ -417,15 +408,14 @@ class NaturalWind:
 
     def _ship_speed(self, place: tuple[float, float], step_s: float) -> tuple[float, float]:
         """The ship's velocity (north, east) from its successive places, smoothed."""
-        if self._ship_last is not None and step_s > 0.0:
-            raw = ((place[0] - self._ship_last[0]) / step_s, (place[1] - self._ship_last[1]) / step_s)
-            before = self._ship_velocity
-            share = 1.0 if before is None else -math.expm1(-step_s / _SHIP_SPEED_LAG_S)
-            old = before if before is not None else raw
-            self._ship_velocity = (old[0] + share * (raw[0] - old[0]), old[1] + share * (raw[1] - old[1]))
-        if self._ship_last is None or step_s > 0.0:
+        last, share = self._ship_last, -math.expm1(-step_s / _SHIP_SPEED_LAG_S)
+        if last is None or step_s > 0.0:
             self._ship_last = place
-        return self._ship_velocity if self._ship_velocity is not None else (0.0, 0.0)
+        if last is not None and step_s > 0.0:
+            raw = (place[0] - last[0]) / step_s, (place[1] - last[1]) / step_s
+            old = self._ship_velocity or raw
+            self._ship_velocity = old[0] + share * (raw[0] - old[0]), old[1] + share * (raw[1] - old[1])
+        return self._ship_velocity or (0.0, 0.0)
 
 
 def draw_mean(parameters: WindParameters, rng: np.random.Generator) -> WindParameters:

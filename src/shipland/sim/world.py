@@ -11,7 +11,7 @@ from shipland.camera import CameraParameters
 from shipland.config import key, parameters, require
 from shipland.factories import resolve
 from shipland.frames import GRAVITY_MPS2
-from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, TouchdownVerdict
+from shipland.messages import GroundTruth, Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
 from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor
 from shipland.sim.aircraft.loops import CENTRED, Sticks
@@ -365,10 +365,6 @@ class World:
     def over(self) -> bool:
         """Whether there is a verdict."""
         return self._judge.verdict is not None
-
-    def gimbal(self) -> GimbalAttitude:
-        """The camera's attitude in `level` as the vehicle reports it: without the residual motion."""
-        return self.snapshot().reported_gimbal
 
     @property
     def motors_run(self) -> bool:

@@ -115,7 +115,7 @@ _NAMES = [name for names in _GROUPS.values() for name in names]
 
 
 @cache
-def _type_of(names: tuple[str, ...]) -> np.dtype[np.record]:
+def _type_of(names: tuple[str, ...]) -> np.dtype[np.void]:
     """The type of a record; one object for the same names, or compiled calls compare it field by field every time."""
     return np.dtype((np.record, [(name, float) for name in names]))
 
