@@ -334,10 +334,12 @@ class GeometricVision:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_PICTURE.value)
         camera, bar = truth.ned_from_camera, truth.ned_from_bar
         rotation, sight_m = relative_pose(camera.rotation, camera.translation_m, bar.rotation, bar.translation_m)
-        range_m = math.hypot(*sight_m.tolist())
+        across_m, down_m, ahead_m = sight_m.tolist()
+        range_m = math.hypot(across_m, down_m, ahead_m)
         if missed or range_m > self._parameters.max_range_m:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NOTHING_GREEN.value)
-        if float(rotation[:, 2] @ sight_m) < self._least_facing * range_m:  # the board has no cue on its back
+        a, b, c = rotation[:, 2].tolist()
+        if a * across_m + b * down_m + c * ahead_m < self._least_facing * range_m:  # the board has no cue on its back
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.OUT_OF_REACH.value)
         sigma_px = self._parameters.corner_noise_px + self._parameters.corner_noise_px_per_m * range_m
         corners_px = projected(rotation, sight_m, self._plane_m, self._matrix) + sigma_px * noise
@@ -388,11 +390,11 @@ class GeometricVision:
 
 def _solution(rotation: Array, sight_m: Array, measured: CornerMeasurement) -> Solution | None:
     """The pose that the solver would find; None when the corners do not settle one."""
-    settled, *pose, chi2, covariance, residual_px = pose_from_truth(rotation, sight_m, measured)
+    settled, turn, place_m, chi2, covariance, residual_px = pose_from_truth(rotation, sight_m, measured)
     if not settled:
         return None
     freedom = residual_px.size - 6 + (2 if measured.level_rad > 0.0 else 0)
-    return Solution(Pose(*pose), chi2, covariance, NO_COMMON_ERROR, residual_px.reshape(-1, 4, 2), freedom)
+    return Solution(Pose(turn, place_m), chi2, covariance, NO_COMMON_ERROR, residual_px.reshape(-1, 4, 2), freedom)
 
 
 def _down_in_camera(gimbal: GimbalAttitude) -> Array:

@@ -294,15 +294,20 @@ class Bodies:
         self.data = data = mujoco.MjData(self.model.mj)
         self._mj_step, self._mj_contact_force = mujoco.mj_step, mujoco.mj_contactForce
         self._shape, self._record, self._half_step_s = shape, record, 0.5 * step_s
-        self._half_deck_m = 0.5 * rig.deck_size_m
+        self._half_deck_m, self._deck_height_m, self._bar_m = (
+            0.5 * rig.deck_size_m,
+            rig.deck_height_m,
+            rig.bar_in_ship_m,
+        )
         self._place, self._velocity, self._force = data.qpos[0:7], data.qvel[0:6], data.qfrc_applied[0:6]
         self._joints = data.qpos[7:13], data.qvel[6:12], data.qfrc_applied[6:12]
         ship, bar = self.model.ship_mocap, self.model.board_mocap
         self._ship = data.mocap_pos[ship], data.mocap_quat[ship]
         self._bar = data.mocap_pos[bar], data.mocap_quat[bar]
-        self._own_motion, self._deck = record.values[at("motion")], record.values[at("deck")]
+        values = record.values
+        self._own_motion, self._deck, self._course = values[at("motion")], values[at("deck")], values[at("ship")]
         self._own_place, self._own_velocity = self._own_motion[:7], self._own_motion[7:]
-        self._own_wrench = record.values[at("wrench")]
+        self._own_wrench = values[at("wrench")]
         self._force_of_contact = np.zeros(6)
         self._motion: RigidBodyState | None = None
         self._moved = False
@@ -311,11 +316,9 @@ class Bodies:
         """Set the deck's joints by the record."""
         _set_deck(self._deck, self._half_step_s, self._joints)
 
-    def set_hull(self, ship: ShipState) -> None:
-        """Set the poses of the superstructure and of the board."""
-        rig, course = ship.rig, ship.course.values
-        deck, bar_m = deck_values(ship), rig.bar_in_ship_m
-        _set_hull(deck, course, bar_m, rig.deck_height_m, ship.full_ship, self._ship, self._bar)
+    def set_hull(self, full_ship: bool) -> None:
+        """Set the poses of the superstructure and of the board by the record."""
+        _set_hull(self._deck, self._course, self._bar_m, self._deck_height_m, full_ship, self._ship, self._bar)
 
     def put(
         self, position_m: Vector, roll_rad: float, pitch_rad: float, heading_rad: float, velocity_mps: Vector = AT_REST

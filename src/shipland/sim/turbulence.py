@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from itertools import chain, repeat
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,8 +47,7 @@ class TurbulenceParameters:
         require(self.height_min_m < self.height_max_m, "height_min_m must be below height_max_m")
 
 
-@dataclass(frozen=True)
-class Scales:
+class Scales(NamedTuple):
     """Turbulence at one height: lengths Lu = Lv and Lw, deviations σu along the mean wind, σv across, σw vertical."""
 
     length_horizontal_m: float
@@ -66,8 +66,7 @@ def land_scales(parameters: TurbulenceParameters, height_m: float, wind_at_20_ft
 
 def normal_numbers(rng: np.random.Generator) -> Iterator[float]:
     """Standard normal numbers without end, drawn in blocks because one at a time is slow."""
-    while True:
-        yield from rng.standard_normal(1024).tolist()
+    return chain.from_iterable(rng.standard_normal(1024).tolist() for _ in repeat(None))
 
 
 class Dryden:

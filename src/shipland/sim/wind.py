@@ -17,6 +17,7 @@ import numpy as np
 
 from shipland.compiled import compiled
 from shipland.config import key, parameters
+from shipland.frames import Array
 from shipland.rig import Rig
 from shipland.sim.turbulence import (
     Dryden,
@@ -89,61 +90,40 @@ class Airwake:
     """
 
     def __init__(self, parameters: AirwakeParameters, rig: Rig, rng: np.random.Generator) -> None:
-        self._parameters = parameters
         aft_m, fore_m = (it - rig.deck_ahead_of_stern_m for it in (rig.bar_ahead_of_stern_m, rig.platform_length_m))
-        self._height_m = rig.superstructure_height_m - rig.deck_height_m
-        self._box_m = aft_m, fore_m, 0.5 * rig.platform_width_m, self._height_m
-        self._shape = (
-            *(parameters.reattachment_heights, parameters.reverse_share, parameters.recovery_heights),
-            *(parameters.downwash_share, parameters.layer_share, parameters.layer_growth),
+        height_m, p = rig.superstructure_height_m - rig.deck_height_m, parameters
+        self._sizes = (
+            (aft_m, fore_m, 0.5 * rig.platform_width_m, height_m),
+            (p.reattachment_heights, p.reverse_share, p.recovery_heights),
+            (p.downwash_share, p.layer_share, p.layer_growth),
+            (p.eddy_heights * height_m, p.turbulence_share, p.vertical_turbulence_share),
         )
         self._normal = normal_numbers(rng)
-        self._eddy = [next(self._normal) for _ in range(3)]
+        self._eddy = np.array([next(self._normal) for _ in range(3)])
 
     def place(self, position_in_ship_m: Vector, towards_rad: float) -> WakePlace:
-        """The wake at a place.
+        """The wake at a place in `ship`, in a relative wind that blows to a direction, clockwise from the bow."""
+        return WakePlace(*_wake(self._sizes, position_in_ship_m, towards_rad))
 
-        Args:
-            position_in_ship_m: forward, starboard, down of the deck's centre.
-            towards_rad: direction that the relative wind blows to, clockwise from the bow.
+    def disturbance(self, position_in_ship_m: Vector, speed_mps: float, towards_rad: float, step_s: float) -> Vector:
+        """Velocity that the wake adds to the air at a `place`, along the ship's forward, starboard, down [m/s].
+
+        `speed_mps` is the relative wind's. The turbulence advances by `step_s`, the time since the last call.
         """
-        return WakePlace(*_wake(self._box_m, self._shape, position_in_ship_m, towards_rad))
+        sizes, normals = self._sizes, (next(self._normal), next(self._normal), next(self._normal))
+        return _disturbance(sizes, position_in_ship_m, speed_mps, towards_rad, step_s, self._eddy, normals)
 
-    def disturbance(self, place: WakePlace, speed_mps: float, towards_rad: float, step_s: float) -> Vector:
-        """Velocity that the wake adds to the air, along the ship's forward, starboard, down [m/s].
 
-        Args:
-            place: where.
-            speed_mps: relative wind.
-            towards_rad: direction that it blows to, clockwise from the bow.
-            step_s: time since the last call; the turbulence advances by it.
-        """
-        keep = math.exp(-step_s * speed_mps / (self._parameters.eddy_heights * self._height_m))
-        std = math.sqrt(1.0 - keep * keep)
-        self._eddy = [keep * value + std * next(self._normal) for value in self._eddy]
-        along = -place.deficit * speed_mps
-        swirl = self._parameters.turbulence_share * place.turbulence * speed_mps
-        vertical = self._parameters.vertical_turbulence_share * place.turbulence * speed_mps
-        return (
-            along * math.cos(towards_rad) + swirl * self._eddy[0],
-            along * math.sin(towards_rad) + swirl * self._eddy[1],
-            place.downwash * speed_mps + vertical * self._eddy[2],
-        )
+_Sizes = tuple[tuple[float, float, float, float], Vector, Vector, Vector]
+"""The superstructure's after and fore end, half its width, its height over the deck; the parameters in the order of
+`AirwakeParameters`, but the turbulence's, which come last: its length [m] and its horizontal and vertical shares."""
 
 
 @compiled
-def _wake(
-    box_m: tuple[float, float, float, float],
-    shape: tuple[float, float, float, float, float, float],
-    position_in_ship_m: Vector,
-    towards_rad: float,
-) -> Vector:
-    """The values of a `WakePlace`; place and direction as in `Airwake.place`.
-
-    `box_m` is the superstructure's after and fore end, half its width, its height over the deck; `shape` the parameters
-    in the order of `AirwakeParameters`.
-    """
-    (aft_m, fore_m, half_m, size_m), (zone, reverse_share, recovery, downwash_share, layer_share, growth) = box_m, shape
+def _wake(sizes: _Sizes, position_in_ship_m: Vector, towards_rad: float) -> Vector:
+    """The values of a `WakePlace`; place and direction as in `Airwake.place`."""
+    (aft_m, fore_m, half_m, size_m), (zone, reverse_share, recovery), others, _ = sizes
+    downwash_share, layer_share, growth = others
     along_f, along_s = math.cos(towards_rad), math.sin(towards_rad)
     forward_m, starboard_m, down_m = position_in_ship_m
     left_m, right_m = math.inf, -math.inf
@@ -176,6 +156,25 @@ def _wake(
         lee * (1.0 + reverse_share) * fade * (0.5 + 0.5 * inside),
         lee * downwash_share * share * math.exp(1.0 - share),
         fade * max(lee * 0.5, 4.0 * lee * (1.0 - lee)) * min(4.0 * share, 1.0),
+    )
+
+
+@compiled
+def _disturbance(
+    sizes: _Sizes, place_m: Vector, speed_mps: float, towards_rad: float, step_s: float, eddy: Array, normals: Vector
+) -> Vector:
+    """`Airwake.disturbance`; standard normal numbers (3,) drive the turbulence `eddy` (3,)."""
+    deficit, downwash, turbulence = _wake(sizes, place_m, towards_rad)
+    length_m, share, vertical_share = sizes[3]
+    keep = math.exp(-step_s * speed_mps / length_m)
+    std = math.sqrt(1.0 - keep * keep)
+    for index in range(3):
+        eddy[index] = keep * eddy[index] + std * normals[index]
+    along, swirl = -deficit * speed_mps, share * turbulence * speed_mps
+    return (
+        along * math.cos(towards_rad) + swirl * eddy[0],
+        along * math.sin(towards_rad) + swirl * eddy[1],
+        downwash * speed_mps + vertical_share * turbulence * speed_mps * eddy[2],
     )
 
 
@@ -347,19 +346,20 @@ class NaturalWind:
             made = Kaimal if parameters.surface.endswith("_kaimal") else Dryden
             self._turbulence = made(turbulence_rng)
         self._airwake = Airwake(parameters.airwake, rig, wake_rng) if parameters.airwake.enabled else None
-        self._deck_height_m = rig.deck_height_m
+        self._mean_at_deck_mps = parameters.mean_at(rig.deck_height_m)
         self._last: tuple[float, Vector] | None = None
         self._ship_last: tuple[float, float] | None = None
         self._ship_velocity: tuple[float, float] | None = None
 
     def velocity_at(self, t_s: float, position_in_ned_m: Vector, ship: ShipPlace) -> Vector:
         """See `Wind`."""
-        down = position_in_ned_m[2]
+        height_m = -position_in_ned_m[2]
+        mean_mps = self._parameters.mean_at(height_m)
         step_s = t_s - self._last[0] if self._last is not None else 0.0
-        along, right, sinking = self._free_stream(t_s, -down)
+        along, right, sinking = self._free_stream(t_s, mean_mps)
         if self._turbulence is not None:
-            distance_m = self._distance(position_in_ned_m, step_s, self._parameters.mean_at(-down))
-            gust = self._turbulence.step(distance_m, self._parameters.turbulence_at(-down))
+            distance_m = self._distance(position_in_ned_m, step_s, mean_mps)
+            gust = self._turbulence.step(distance_m, self._parameters.turbulence_at(height_m))
             along, right, sinking = along + gust[0], right + gust[1], sinking + gust[2]
         north, east = along * self._cos - right * self._sin, along * self._sin + right * self._cos
         if self._airwake is not None:
@@ -368,9 +368,9 @@ class NaturalWind:
         self._last = (t_s, position_in_ned_m)
         return north, east, sinking
 
-    def _free_stream(self, t_s: float, height_m: float) -> Vector:
+    def _free_stream(self, t_s: float, mean_mps: float) -> Vector:
         """Mean wind and gusts, along the wind, to its right, downward."""
-        along, right, down = self._parameters.mean_at(height_m), 0.0, 0.0
+        along, right, down = mean_mps, 0.0, 0.0
         for gust in self._parameters.gust:
             strength = gust.strength(t_s)
             if strength > 0.0:
@@ -382,9 +382,11 @@ class NaturalWind:
         """Distance flown through the air mass, which drifts with the mean wind, since the last call [m]."""
         if self._last is None:
             return 0.0
-        north, east, down = (a - b for a, b in zip(position, self._last[1], strict=True))
+        north, east, down = position
+        last_north, last_east, last_down = self._last[1]
         drift = mean_mps * step_s
-        return math.hypot(north - drift * self._cos, east - drift * self._sin, down)
+        north, east = north - last_north - drift * self._cos, east - last_east - drift * self._sin
+        return math.hypot(north, east, down - last_down)
 
     def _wake(self, t_s: float, step_s: float, position: Vector, ship: ShipPlace) -> Vector:
         """Velocity in `ned` that the superstructure's wake adds."""
@@ -392,7 +394,7 @@ class NaturalWind:
         ship_north, ship_east, ship_down, course_rad = ship
         c, s = math.cos(course_rad), math.sin(course_rad)
         ship_n_mps, ship_e_mps = self._ship_speed((ship_north, ship_east), step_s)
-        along, right, _ = self._free_stream(t_s, self._deck_height_m)
+        along, right, _ = self._free_stream(t_s, self._mean_at_deck_mps)
         blow_north = along * self._cos - right * self._sin - ship_n_mps
         blow_east = along * self._sin + right * self._cos - ship_e_mps
         speed_mps = math.hypot(blow_north, blow_east)
@@ -400,21 +402,20 @@ class NaturalWind:
             return 0.0, 0.0, 0.0
         towards_rad = math.atan2(blow_east * c - blow_north * s, blow_north * c + blow_east * s)
         north, east, down = position[0] - ship_north, position[1] - ship_east, position[2] - ship_down
-        place = self._airwake.place((north * c + east * s, east * c - north * s, down), towards_rad)
-        forward, starboard, sinking = self._airwake.disturbance(place, speed_mps, towards_rad, step_s)
+        place_m = north * c + east * s, east * c - north * s, down
+        forward, starboard, sinking = self._airwake.disturbance(place_m, speed_mps, towards_rad, step_s)
         return forward * c - starboard * s, forward * s + starboard * c, sinking
 
     def _ship_speed(self, place: tuple[float, float], step_s: float) -> tuple[float, float]:
         """The ship's velocity (north, east) from its successive places, smoothed."""
-        if self._ship_last is not None and step_s > 0.0:
-            raw = ((place[0] - self._ship_last[0]) / step_s, (place[1] - self._ship_last[1]) / step_s)
-            before = self._ship_velocity
-            share = 1.0 if before is None else -math.expm1(-step_s / _SHIP_SPEED_LAG_S)
-            old = before if before is not None else raw
-            self._ship_velocity = (old[0] + share * (raw[0] - old[0]), old[1] + share * (raw[1] - old[1]))
-        if self._ship_last is None or step_s > 0.0:
+        last, share = self._ship_last, -math.expm1(-step_s / _SHIP_SPEED_LAG_S)
+        if last is None or step_s > 0.0:
             self._ship_last = place
-        return self._ship_velocity if self._ship_velocity is not None else (0.0, 0.0)
+        if last is not None and step_s > 0.0:
+            raw = (place[0] - last[0]) / step_s, (place[1] - last[1]) / step_s
+            old = self._ship_velocity or raw
+            self._ship_velocity = old[0] + share * (raw[0] - old[0]), old[1] + share * (raw[1] - old[1])
+        return self._ship_velocity or (0.0, 0.0)
 
 
 def draw_mean(parameters: WindParameters, rng: np.random.Generator) -> WindParameters:

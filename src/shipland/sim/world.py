@@ -11,7 +11,7 @@ from shipland.camera import CameraParameters
 from shipland.config import key, parameters, require
 from shipland.factories import resolve
 from shipland.frames import GRAVITY_MPS2
-from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, TouchdownVerdict
+from shipland.messages import GroundTruth, Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
 from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor
 from shipland.sim.aircraft.loops import CENTRED, Sticks
@@ -32,7 +32,7 @@ from shipland.sim.aircraft.sensors import (
 )
 from shipland.sim.aircraft.step import fly_free, tick
 from shipland.sim.contact import Bodies, deck_in_ned
-from shipland.sim.ship.ship import Ship, ShipState
+from shipland.sim.ship.ship import Ship, place_of
 from shipland.sim.state import SceneState, Snapshot, scene_of, truth_of
 from shipland.sim.touchdown import NO_TOUCH, Judge, VerdictParameters
 from shipland.sim.wind import Wind
@@ -145,8 +145,10 @@ class World:
         shape = self._flier.shape
         self._bodies = Bodies(rig, shape, grid.step_s, self._record)
         self._foot_below_m = shape.foot_below_m
-        self._unstaged_deck = False
-        self._unstaged_hull: ShipState | None = None
+        values = self._record.values
+        self._deck, self._course, self._air = values[at("deck")], values[at("ship")], values[at("air")]
+        self._deck_height_m = rig.deck_height_m
+        self._unstaged_deck = self._unstaged_hull = False
         self._judge = Judge(verdict, rig.landing_square_m, rig.landing_area)
         on_deck_m = math.hypot(math.sqrt(0.5) * rig.deck_size_m + shape.reach_m, shape.reach_m)
         self._near_deck_m = max(NEAR_DECK_M, on_deck_m)
@@ -164,10 +166,12 @@ class World:
         self._steps, self._tick_s = 0, tick_s
         self._motors_run = True
         self._reach_m = math.inf
-        self._sticks, self._land, self._command_s = CENTRED, False, -math.inf
+        self._sticks, self._land, self._stale_steps = CENTRED, False, 0
+        self._flown_sticks: Sticks | None = None  # as they stand in the record
 
         position_m, heading_rad = self._draw_start(start, start_rng)
-        self._sample_air(self._set_ship(hull=True), position_m)
+        self._set_ship(hull=True)
+        self._sample_air(position_m)
         roll_rad, pitch_rad = self._flier.trim(self._wind_mps, heading_rad)
         self._bodies.put(position_m, roll_rad, pitch_rad, heading_rad)
 
@@ -219,7 +223,8 @@ class World:
         self._land = command.intent is Intent.LAND
         if math.isfinite(command.gimbal_pitch_rad):
             self._record.values[_GIMBAL_WANTED] = command.gimbal_pitch_rad
-        self._command_s = self.t_s
+        stale_s = self.t_s + self._aircraft.settings.command_timeout_s
+        self._stale_steps = math.ceil((stale_s - 1e-9) / self._step_s - 1e-6)
 
     def advance(self, to_t_s: float) -> None:
         """Step to the last grid instant not after `to_t_s` [s]; an earlier time does nothing."""
@@ -249,7 +254,8 @@ class World:
         record, motion = self._record, self._bodies.motion()
         self._reach_m = reach_m(record.states)
         near = self._reach_m < self._near_ship_m
-        self._sample_air(self._set_ship(hull=near), motion.position_m)
+        self._set_ship(hull=near)
+        self._sample_air(motion.position_m)
         self._senses.look()
         flown_m = self._air_every * self._step_s * math.hypot(*motion.velocity_mps)
         margin_m = max(CLEAR_M, self._touchdown.listen_m) + flown_m
@@ -258,40 +264,39 @@ class World:
 
     def _fly_free(self, phase: int, end: int) -> bool:
         """Fly compiled to `end` or until the next look around; False when it cannot."""
-        fresh, count = self._fresh(), min(end, (self._steps // self._air_every + 1) * self._air_every) - self._steps
-        if fresh:
-            stale = math.ceil(
-                (self._command_s + self._aircraft.settings.command_timeout_s - 1e-9) / self._step_s - 1e-6
-            )
-            count = max(min(count, stale - self._steps), 1)
-        record, every = self._record, self._control_every
-        record.values[_STICKS] = self._sticks if fresh else CENTRED
+        begin, record, every = self._steps, self._record, self._control_every
+        count = min(end, (begin // self._air_every + 1) * self._air_every) - begin
+        if self._give_sticks():
+            count = max(min(count, self._stale_steps - begin), 1)
         record.values[_DECK_S] = self.t_s - self._ship_s
         ticks = (phase + count + every - 1) // every - (phase + every - 1) // every
         steps: int = fly_free(
             record.states, record.constants, self._gimbal_normals.draws(2 * ticks), phase, every, count
         )
         self._bodies.moved()
-        last_tick = (self._steps + steps - 1) // every * every
-        if steps and last_tick >= self._steps:
+        last_tick = (begin + steps - 1) // every * every
+        if steps and last_tick >= begin:
             self._sensed_s = last_tick * self._step_s
         self._touchdown.reset()
         self._steps += steps
         self._clear = steps == count
         return steps > 0
 
-    def _fresh(self) -> bool:
-        return self.t_s - self._command_s < self._aircraft.settings.command_timeout_s - 1e-9
+    def _give_sticks(self) -> bool:
+        """Put the sticks of now into the record; whether they are a fresh command's."""
+        fresh = self._steps < self._stale_steps
+        sticks = self._sticks if fresh else CENTRED
+        if sticks is not self._flown_sticks:
+            self._record.values[_STICKS] = self._flown_sticks = sticks
+        return fresh
 
     def _control(self) -> None:
         motion = self._bodies.motion()
         self._reach_m = reach_m(self._record.states)
         if self._steps % self._air_every and self._reach_m < self._near_ship_m:
             self._set_ship(hull=True)
-        record, fresh, down_mps = self._record, self._fresh(), float(self._record.values[_W_AT_TICK])
-        sticks = self._sticks if fresh else CENTRED
+        record, fresh, down_mps = self._record, self._give_sticks(), float(self._record.values[_W_AT_TICK])
         if self._packaged:
-            record.values[_STICKS] = sticks
             record.values[_DECK_S] = 0.0
             tick(record.states, record.constants, self._gimbal_normals.draws(2), self._motors_run)
         else:
@@ -299,7 +304,7 @@ class World:
             step_gimbal(state, constants, *self._gimbal_normals.draws(2).tolist())
             sense(state, constants)
             over_deck = self._bodies.over_deck if self._reach_m < self._near_deck_m else None
-            piloted = sticks if self._motors_run else None
+            piloted = self._flown_sticks if self._motors_run else None
             force, moment = self._flier.step(motion, record.sensed, piloted, self._wind_mps, over_deck)
             record.values[_WRENCH] = (*force, *moment)
         self._sensed_s = self.t_s
@@ -308,28 +313,24 @@ class World:
             if _upright(motion) < math.cos(CUT_OFF_RAD):
                 self._motors_run = False
 
-    def _set_ship(self, hull: bool) -> ShipState:
+    def _set_ship(self, hull: bool) -> None:
         """Put the ship of now into the record."""
-        state, values = self._ship.at(self.t_s), self._record.values
-        course = state.course.values
-        values[_SHIP] = course
-        deck_in_ned(course, state.deck.values, state.rig.deck_height_m, values[_DECK])
-        self._ship_s, self._unstaged_deck = self.t_s, True
-        if hull:
-            self._unstaged_hull = state
-        return state
+        self._ship_s, self._unstaged_deck, self._unstaged_hull = self.t_s, True, self._unstaged_hull or hull
+        self._course[:] = self._ship.course.at(self._ship_s).values
+        deck_in_ship = self._ship.deck_motion.at(self._ship_s).values
+        deck_in_ned(self._course, deck_in_ship, self._deck_height_m, self._deck)
 
     def _set_stage(self) -> None:
         """Write the ship as it was set last, which MuJoCo needs for its steps alone."""
         if self._unstaged_deck:
             self._bodies.set_deck()
-        if self._unstaged_hull is not None:
-            self._bodies.set_hull(self._unstaged_hull)
-        self._unstaged_deck, self._unstaged_hull = False, None
+        if self._unstaged_hull:
+            self._bodies.set_hull(self._ship.full_ship)
+        self._unstaged_deck = self._unstaged_hull = False
 
-    def _sample_air(self, state: ShipState, position_m: Vector) -> None:
-        self._wind_mps = self._wind.velocity_at(self.t_s, position_m, state.place)
-        self._record.values[_AIR] = self._wind_mps
+    def _sample_air(self, position_m: Vector) -> None:
+        self._wind_mps = self._wind.velocity_at(self.t_s, position_m, place_of(self._course, self._deck_height_m))
+        self._air[0], self._air[1], self._air[2] = self._wind_mps
 
     def _feel_deck(self, jolt_mps2: float, landing: bool) -> None:
         """Stop the motors once the aircraft takes itself for landed."""
@@ -347,7 +348,7 @@ class World:
 
     def _look_for_crash(self) -> None:
         """Faults away from the deck: the sea, and the ship's far end."""
-        if self._bodies.motion().position_m[2] > -self._foot_below_m:
+        if self._record.values[_DOWN] > -self._foot_below_m:
             self._crash("fell into the sea")
         elif self._bodies.in_contact and self._reach_m >= self._near_deck_m:
             self._crash(self._bodies.touch().fault)
@@ -364,10 +365,6 @@ class World:
     def over(self) -> bool:
         """Whether there is a verdict."""
         return self._judge.verdict is not None
-
-    def gimbal(self) -> GimbalAttitude:
-        """The camera's attitude in `level` as the vehicle reports it: without the residual motion."""
-        return self.snapshot().reported_gimbal
 
     @property
     def motors_run(self) -> bool:
@@ -426,9 +423,9 @@ class World:
         return scene_of(at, self._ship.at(at.t_s), self._camera)
 
 
-_AIR, _STICKS, _GIMBAL_WANTED, _WRENCH = at("air"), at("sticks"), at("gimbal_wanted"), at("wrench")
-_DECK, _SHIP, _DECK_S, _GIMBAL = at("deck"), at("ship"), at("deck_s"), slice(at("gimbal").start, at("gimbal_bias").stop)
-_W_AT_TICK, _FLOW_LOST = at("w_at_tick").start, at("seen").stop - 1
+_STICKS, _WRENCH, _GIMBAL = at("sticks"), at("wrench"), slice(at("gimbal").start, at("gimbal_bias").stop)
+_GIMBAL_WANTED, _DECK_S, _W_AT_TICK = at("gimbal_wanted").start, at("deck_s").start, at("w_at_tick").start
+_DOWN, _FLOW_LOST = at("motion").start + 2, at("seen").stop - 1
 
 
 def _upright(motion: RigidBodyState) -> float:

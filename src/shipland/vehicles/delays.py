@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -71,6 +71,21 @@ class TelemetryParameters:
 
 
 _PARTS = ("attitude", "heading", "height", "velocity")
+_NOTHING: dict[str, Any] = dict.fromkeys(("roll_rad", "pitch_rad", "heading_rad", "height_m", "velocity_in_level_mps"))
+
+
+def _fields(part: str, readings: Readings) -> dict[str, Any]:
+    """The fields of `Telemetry` that a part of the readings gives."""
+    t_s, velocity_mps = readings.t_s, readings.velocity_in_level_mps
+    if part == "attitude":
+        return {"roll_rad": readings.roll_rad, "pitch_rad": readings.pitch_rad, "attitude_t_s": t_s}
+    if part == "heading":
+        return {"heading_rad": readings.heading_rad, "heading_t_s": t_s}
+    if part == "height":
+        return {"height_m": readings.height_m, "height_t_s": t_s}
+    if velocity_mps is None:
+        return {"velocity_in_level_mps": None, "velocity_t_s": None}
+    return {"velocity_in_level_mps": np.array(velocity_mps), "velocity_t_s": t_s}
 
 
 class TelemetryFeed:
@@ -88,7 +103,7 @@ class TelemetryFeed:
         self._start_s = start_s
         self._count = dict.fromkeys(self._parts, 0)
         self._waiting: dict[str, deque[tuple[float, Readings]]] = {name: deque() for name in self._parts}
-        self._newest: dict[str, Readings] = {}
+        self._newest = _NOTHING
         self.next_s = self._next()
         """When the next reading is due [s]; infinite where readings come with the pictures or not at all."""
 
@@ -120,23 +135,9 @@ class TelemetryFeed:
         """
         for name, waiting in self._waiting.items():
             while waiting and waiting[0][0] <= now_s + 1e-9:
-                self._newest[name] = waiting.popleft()[1]
-        attitude, heading, height, velocity = (self._newest.get(name) for name in _PARTS)
-        speed = velocity.velocity_in_level_mps if velocity is not None else None
+                self._newest = self._newest | _fields(name, waiting.popleft()[1])
         return Telemetry(
-            t_s=now_s,
-            roll_rad=attitude.roll_rad if attitude is not None else None,
-            pitch_rad=attitude.pitch_rad if attitude is not None else None,
-            heading_rad=heading.heading_rad if heading is not None else None,
-            height_m=height.height_m if height is not None else None,
-            velocity_in_level_mps=np.array(speed) if speed is not None else None,
-            battery_percent=battery_percent,
-            link_percent=link_percent,
-            flying=flying,
-            attitude_t_s=attitude.t_s if attitude is not None else None,
-            heading_t_s=heading.t_s if heading is not None else None,
-            height_t_s=height.t_s if height is not None else None,
-            velocity_t_s=velocity.t_s if velocity is not None and speed is not None else None,
+            now_s, battery_percent=battery_percent, link_percent=link_percent, flying=flying, **self._newest
         )
 
     def _due_s(self, name: str) -> float:

@@ -68,7 +68,7 @@ class SimulatedVehicle:
         self._last_arrival_s = -math.inf
         self._last_truth: tuple[float, GroundTruth] | None = None
         self._period_s = 1.0 / world.frame_rate_hz
-        self._exposed = 0
+        self._exposed, self._next_exposure_s = 0, 0.0
         self._waiting: deque[_Exposure] = deque()
         self._given: deque[_Exposure] = deque(maxlen=_REMEMBERED)
         self._on_the_way: deque[tuple[float, PilotCommand]] = deque()
@@ -157,15 +157,12 @@ class SimulatedVehicle:
     def _arrived(self) -> bool:
         return bool(self._waiting) and self._waiting[0].arrives_s <= self._now_s + 1e-9
 
-    def _next_exposure_s(self) -> float:
-        """The grid instant at or after the camera's next exposure."""
-        step_s = self.world.step_s
-        return math.ceil(self._exposed * self._period_s / step_s - 1e-6) * step_s
-
     def _expose(self) -> None:
         """Go to the next exposure and keep what it sees, unless it is lost on its way."""
-        self._fly_to(self._next_exposure_s())
+        self._fly_to(self._next_exposure_s)
         self._exposed += 1
+        step_s = self.world.step_s
+        self._next_exposure_s = math.ceil(self._exposed * self._period_s / step_s - 1e-6) * step_s
         snapshot = self.world.snapshot()
         arrives_s, lost = snapshot.t_s + self._delays.video_s, False
         if self._video_rng is not None:
@@ -180,7 +177,7 @@ class SimulatedVehicle:
 
     def _pass_time(self, to_t_s: float) -> None:
         """Fly to a time, exposing on the way."""
-        while self._next_exposure_s() <= to_t_s + 1e-9:
+        while self._next_exposure_s <= to_t_s + 1e-9:
             self._expose()
         self._fly_to(to_t_s)
 

@@ -112,7 +112,15 @@ _GROUPS = {
     "deck_s": ("deck_s",),
 }
 _NAMES = [name for names in _GROUPS.values() for name in names]
-STATE_TYPE = np.dtype((np.record, [(name, float) for name in _NAMES]))
+
+
+@cache
+def _type_of(names: tuple[str, ...]) -> np.dtype[np.void]:
+    """The type of a record; one object for the same names, or compiled calls compare it field by field every time."""
+    return np.dtype((np.record, [(name, float) for name in names]))
+
+
+STATE_TYPE = _type_of(tuple(_NAMES))
 
 
 @cache
@@ -165,9 +173,7 @@ class Record:
     def __init__(self, parameters: AircraftParameters, tick_s: float) -> None:
         constants = _constants(parameters, tick_s)
         self.states: Records = np.zeros(1, STATE_TYPE)
-        self.constants: Records = np.array(
-            [tuple(constants.values())], np.dtype((np.record, [(name, float) for name in constants]))
-        )
+        self.constants: Records = np.array([tuple(constants.values())], _type_of(tuple(constants)))
         self.values: Array = self.states.view(float)
         """The state's fields in their order; `at` says where."""
         for group in ("soundness", "ground_gains"):

@@ -104,7 +104,9 @@ class Harmonics:
         begin_s, passed_s = (steps - few) * _STEP_S, few * _STEP_S
         if abs(begin_s + passed_s - t_s) > _ON_GRID_S:
             begin_s, passed_s = t_s, 0.0
-        return SixDof(_summed(self._weights, self._phasors(begin_s), self._phasors(passed_s)))
+        values = np.zeros(18)
+        _add_harmonics(self._weights, self._phasors(begin_s), self._phasors(passed_s), values)
+        return SixDof(values)
 
     def _phasors(self, t_s: float) -> Array:
         """(2,K) exp(i ω t), real and imaginary part; kept for a while."""
@@ -122,15 +124,13 @@ _STEP_S, _FEW, _ON_GRID_S = 0.002, 128, 1e-9
 
 
 @compiled
-def _summed(weights: Array, begin: Array, passed: Array) -> Array:
-    """(18,) the sum of (K,2,18) weights, phasors (2,K) multiplied."""
-    total = np.zeros(weights.shape[2])
+def _add_harmonics(weights: Array, begin: Array, passed: Array, total: Array) -> None:
+    """Add (K,2,18) weights, phasors (2,K) multiplied, to (18,)."""
     for k in range(len(weights)):
         cosine = begin[0, k] * passed[0, k] - begin[1, k] * passed[1, k]
         sine = begin[1, k] * passed[0, k] + begin[0, k] * passed[1, k]
         for i in range(len(total)):
             total[i] += weights[k, 0, i] * cosine + weights[k, 1, i] * sine
-    return total
 
 
 class Sinusoids(Harmonics):

@@ -59,8 +59,7 @@ class ShipState:
     @property
     def place(self) -> ShipPlace:
         """Where `ship` is."""
-        north_m, east_m = self.course.position_in_ned_m.tolist()
-        return ShipPlace(north_m, east_m, -self.rig.deck_height_m, self.course.course_rad)
+        return place_of(self.course.values, self.rig.deck_height_m)
 
     @cached_property
     def _poses(self) -> tuple[Pose, Pose, Pose]:
@@ -90,6 +89,12 @@ class ShipState:
     def ned_from_bar(self) -> Pose:
         """The bar: level always."""
         return self._poses[2]
+
+
+def place_of(course: Array, deck_height_m: float) -> ShipPlace:
+    """Where `ship` is by `CourseState.values`."""
+    north_m, east_m, _, _, _, _, course_rad, _, _ = course.tolist()
+    return ShipPlace(north_m, east_m, -deck_height_m, course_rad)
 
 
 @compiled

@@ -124,10 +124,11 @@ def bar_pose_of(
     """
     taken = solutions[0]
     pose, here, excess = taken.camera_from_plane, np.empty(4), taken.excess
-    _place(pose.rotation, pose.translation_m, here)
     if covariance is None:
         covariance = np.empty((4, 4))
         _carry_with_bend(pose.rotation, pose.translation_m, taken.covariance, excess, here, covariance)
+    else:
+        _place(pose.rotation, pose.translation_m, here)
     for other in solutions[1:]:
         better = (other.chi2 - taken.chi2) / excess
         ratio = likelihood(abs(better), tail)
@@ -261,12 +262,13 @@ def likelihood(chi2: float, tail: float) -> float:
 def _carry_with_bend(
     rotation: Array, translation_m: Array, covariance: Array, excess: float, here: Array, carried: Array
 ) -> None:
-    """Write (4,4) the carried covariance times its excess, with that of the arc along which the camera errs.
+    """Write (4,) position and yaw, and (4,4) their covariance: carried, times its excess, with that of their arc.
 
-    From afar the angle about the cue's vertical is known least. Position and yaw, (4,) `here`, change together with it,
-    and leave the covariance's straight line by h per squared standard deviation, on average of the square √3 h.
+    From afar the angle about the cue's vertical is known least. Position and yaw change together with it, and leave the
+    covariance's straight line by h per squared standard deviation, on average of the square √3 h.
     """
     bend = np.zeros(4)
+    _place(rotation, translation_m, here)
     _carry_covariance(rotation, translation_m, covariance, carried)
     _write_bend(rotation, translation_m, covariance, here, bend)
     for i in range(4):

@@ -76,10 +76,11 @@ def largest_reprojection_px(
 
 def within_reach(camera_from_plane: Pose, parameters: VisionParameters) -> bool:
     """Whether a pose lies within the range and obliquity that are accepted."""
-    sight_m = camera_from_plane.translation_m
-    distance_m, facing = math.hypot(*sight_m.tolist()), float(camera_from_plane.rotation[:, 2] @ sight_m)
+    across_m, down_m, ahead_m = camera_from_plane.translation_m.tolist()
+    a, b, c = camera_from_plane.rotation[:, 2].tolist()
+    distance_m, facing_m = math.hypot(across_m, down_m, ahead_m), a * across_m + b * down_m + c * ahead_m
     least_facing = math.cos(math.radians(parameters.max_obliquity_deg))
-    return distance_m <= parameters.max_distance_m and facing >= least_facing * distance_m
+    return distance_m <= parameters.max_distance_m and facing_m >= least_facing * distance_m
 
 
 def jumps(pose: BarPose, last: Pose, passed_s: float, parameters: VisionParameters) -> bool:
