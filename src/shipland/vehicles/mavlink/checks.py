@@ -9,7 +9,7 @@ from shipland.guidance.response import Response
 from shipland.vehicles.camera_stream import CameraStream
 from shipland.vehicles.checks import Check, battery_check, limits_text
 from shipland.vehicles.mavlink.dialect import dialect
-from shipland.vehicles.mavlink.modes import mode_name
+from shipland.vehicles.mavlink.modes import mode_name, obeys_us
 from shipland.vehicles.mavlink.parameters import VehicleLimits
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setup import MavlinkSetup
@@ -32,8 +32,12 @@ def link_checks(
     times_s = [t_s for t_s, _, _ in session.attitudes if now_s - t_s <= _RATE_S]
     rate_hz = len(times_s) / _RATE_S
     name = "PX4" if state.autopilot == PX4 else "ArduPilot"
+    deaf = obeys_us(state) and not obeys_us(state, response.kind == "velocity")
     lines = [
-        Check("autopilot", True, f"{name}, system {session.link.vehicle}, mode {mode_name(state)}"),
+        Check(
+            "autopilot", not deaf, f"{name}, system {session.link.vehicle}, mode {mode_name(state)}"
+            + (", which flies no velocities: hand over in GUIDED, or fly tilts by ?kind=attitude" if deaf else ""),
+        ),
         *_others(session, setup),
         _health(state, now_s),
         _transmitter(state, now_s),

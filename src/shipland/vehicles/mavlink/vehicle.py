@@ -60,7 +60,7 @@ class MavlinkVehicle(SetpointVehicle):
         super().__init__(setup.parameters)
         self._setup = setup
         self._session: Session | None = None
-        self._control = Control(self._parameters.stick_takeover_us)
+        self._control = Control(self._parameters.stick_takeover_us, self._parameters.kind == "velocity")
         self._opening = False
         self._hand_overs, self._handed_s = 0, -math.inf
         self._beat_s = self._asked_s = self._awake_s = -math.inf
