@@ -7,7 +7,7 @@ import time
 
 from shipland.guidance.response import Response
 from shipland.vehicles.camera_stream import CameraStream
-from shipland.vehicles.checks import Check, battery_check, limits_text
+from shipland.vehicles.checks import Check, battery_check, limits_text, telemetry_check
 from shipland.vehicles.mavlink.dialect import dialect
 from shipland.vehicles.mavlink.modes import mode_name, obeys_us
 from shipland.vehicles.mavlink.parameters import VehicleLimits
@@ -41,10 +41,7 @@ def link_checks(
         *_others(session, setup),
         _health(state, now_s),
         _transmitter(state, now_s),
-        Check(
-            "telemetry", rate_hz >= wanted.telemetry_hz,
-            f"attitude {rate_hz:.0f} Hz, at least {wanted.telemetry_hz:g}",
-        ),
+        telemetry_check(rate_hz, wanted.telemetry_hz, "attitude "),
         Check(
             "round trip", 0.0 < state.round_trip_s <= wanted.round_trip_s,
             f"{1e3 * state.round_trip_s:.0f} ms, at most {1e3 * wanted.round_trip_s:.0f}; 0 is no answer (TIMESYNC)",

@@ -6,8 +6,7 @@ from shipland.vehicles.hand_over import HandOver
 from shipland.vehicles.mavlink.dialect import dialect
 from shipland.vehicles.mavlink.modes import lands_by_itself, mode_name, obeys_us
 from shipland.vehicles.mavlink.state import AutopilotState
-
-MOTORS_STOPPED = "the motors have stopped"
+from shipland.vehicles.touchdown import MOTORS_STOPPED
 
 
 class Control:

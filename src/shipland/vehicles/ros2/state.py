@@ -16,6 +16,7 @@ from shipland.vehicles.hand_over import HandOver, hand_over_words
 from shipland.vehicles.ros2.conversions import gimbal_of, seconds, with_odometry
 from shipland.vehicles.ros2.pictures import ours_s
 from shipland.vehicles.ros2.types import Message
+from shipland.vehicles.touchdown import motors_stopped
 
 _READINGS = 200
 """Attitudes kept: four seconds at 50 Hz."""
@@ -86,7 +87,7 @@ class Heard:
             if self._hand_over is not None:
                 self._hand_over.see(obeys_set_points(state))
             if self._engaged and not state.armed:
-                self._lose("landed: the motors have stopped" if self.landing else "the motors have stopped")
+                self._lose(motors_stopped(self.landing))
             elif self._engaged and not obeys_set_points(state):
                 self._lose(f"the pilot took over: {self.mode}")
             self._changed.notify_all()
