@@ -15,8 +15,8 @@ from pymavlink.dialects.v20 import ardupilotmega as m
 from shipland.vehicles.mavlink.guard import Orders
 from shipland.vehicles.mavlink.link import LinkCounts
 from shipland.vehicles.mavlink.session import Session
-from shipland.vehicles.mavlink.setpoints import attitude_message, thrust_of
-from shipland.vehicles.wanted import HeadingSetPoint, Wanted
+from shipland.vehicles.mavlink.setpoints import attitude_message
+from shipland.vehicles.wanted import HeadingSetPoint, Wanted, thrust_of
 
 OURS, STRANGER = ("127.0.0.1", 5760), ("127.0.0.1", 6666)
 

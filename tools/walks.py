@@ -99,7 +99,7 @@ WALKS = {
             "shipland campaign --pilot horizon,own_pilot:patient --set wind.mean_mps=0,4 --runs 10 --out out/sweep",
             "shipland compare out/sweep/near_mean_mps=4_horizon out/sweep/near_mean_mps=4_own_pilot.patient",
             "shipland report out/sweep",
-            "shipland dataset out/sweep --licence https://creativecommons.org/licenses/by/4.0/ --out out/data",
+            "shipland dataset out/sweep --licence CC-BY-4.0 --out out/data",
             "python -c \"import pandas; print(pandas.read_csv('out/sweep/flights.csv').dtypes.value_counts())\"",
             "shipland again out/sweep/near_mean_mps=4_horizon --seed 3",
         ),
@@ -124,7 +124,7 @@ WALKS = {
         (
             "shipland example ros2-simulated.toml",
             "(shipland serve-physics --interface ros2 --seed 3 --set aircraft.loop.kind=velocity & served=$!; "
-            "shipland fly --vehicle 'ros2://drone?camera=frames:127.0.0.1:9003' --vision geometric --no-video "
+            "shipland fly --vehicle 'ros2://drone?take=1&camera=frames:127.0.0.1:9003' --vision geometric --no-video "
             "--vehicle-config ros2-simulated.toml --out out; flown=$?; wait $served; exit $flown)",
             "shipland bag out/flight.mcap --out bag",
         ),

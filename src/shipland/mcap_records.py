@@ -34,7 +34,8 @@ def mcap_records(path: Path) -> Iterator[Any]:
                     record = next(records, None)
                 except damage as error:
                     if not read:
-                        raise DataError(f"{path} is not an MCAP file, or broken off at its start: {error}") from None
+                        words = error if path.stat().st_size else "it is empty"
+                        raise DataError(f"{path} is not an MCAP file, or broken off at its start: {words}") from None
                     return
                 if record is None:
                     return

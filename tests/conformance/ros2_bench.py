@@ -133,11 +133,13 @@ class Drone:
 
 
 @contextmanager
-def bench(options: str = "", stamp_off_s: float = 0.0, **section: Any) -> Iterator[tuple[Ros2Vehicle, Drone]]:
-    """The vehicle, not yet open, and its drone, in a domain of their own."""
+def bench(
+    options: str = "", stamp_off_s: float = 0.0, take: bool = True, **section: Any
+) -> Iterator[tuple[Ros2Vehicle, Drone]]:
+    """The vehicle, not yet open, and its drone, which obeys already, in a domain of their own."""
     domain = own_domain()
     drone = Drone(domain, stamp_off_s)
-    address = Address.parse(f"ros2://drone?local=1&domain={domain}{options}")
+    address = Address.parse(f"ros2://drone?local=1&domain={domain}&take={take:d}{options}")
     table = {name: {} for name in ("camera", "preflight")} | packaged_toml("vehicles")
     table["ros2"] = {"engage_timeout_s": 5.0, "video_timeout_s": 2.0, "connect_timeout_s": 10.0} | section
     vehicle = Ros2Vehicle(Ros2Setup.of(VehicleSetup(address, CAMERA, table)))

@@ -2,6 +2,7 @@
 
 import math
 import signal
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -13,9 +14,10 @@ import pytest
 
 pytest.importorskip("pymavlink")
 
-from mavlink_bench import StandIn, bench
+from mavlink_bench import Blank, StandIn, bench, setup_for
 
 from interrupts import receive
+from ports import free_port
 from shipland import stopping
 from shipland.errors import VehicleError
 from shipland.messages import BarPose, Decision, FlightRecord, Intent, Observation, Override, PilotCommand
@@ -147,6 +149,22 @@ def test_a_guided_mode_that_was_set_already_is_not_a_hand_over(kind: str, caplog
         assert fly(vehicle, 0.5, 0.0, 0.0, 0.0, 0.0)
         assert vehicle.in_command == "shipland"
         assert commands(autopilot, 176) == []
+
+
+def test_a_mode_without_a_velocity_loop_is_no_start_for_speeds() -> None:
+    port = free_port(socket.SOCK_DGRAM)
+    autopilot = StandIn(port, "ardupilot")
+    vehicle = MavlinkVehicle(setup_for(port, Blank(), None, Engagement(), {"kind": "velocity"}))
+    try:
+        for mode, fit in ((20, False), (4, True)):
+            autopilot.say(f"mode {mode}")
+            vehicle.connect()
+            assert until(lambda mode=mode: vehicle.session.state.mode == mode)
+            line = next(check for check in vehicle.checks() if check.name == "autopilot")
+            assert (line.ok, "hand over in GUIDED" in line.words) == (fit, not fit)
+    finally:
+        vehicle.close()
+        autopilot.close()
 
 
 def test_a_hand_over_that_does_not_come_says_what_to_do() -> None:

@@ -5,6 +5,7 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -86,12 +87,37 @@ def test_nothing_is_commanded_before_the_drone_obeys_nor_after_it_does_not() -> 
         assert drone.wanted is before  # no set-point in ten turns
 
 
+@pytest.mark.parametrize("mode", ["OFFBOARD", ""])
+def test_a_mode_that_obeys_already_is_not_a_hand_over(mode: str) -> None:
+    """As before an autopilot over MAVLink: it was set for somebody else."""
+    with bench(take=False, engage_timeout_s=0.5) as (vehicle, drone):
+        drone.mode = mode
+        with pytest.raises(VehicleError, match="already: switch out of it and back to hand over"):
+            vehicle.open()
+
+
+def test_a_mode_that_is_chosen_once_we_wait_is_a_hand_over() -> None:
+    with bench(take=False) as (vehicle, drone):
+        vehicle.connect()
+
+        def hands_over() -> None:
+            for guided in (False, True):
+                time.sleep(0.3)
+                drone.guided = guided
+
+        chosen = threading.Thread(target=hands_over)
+        chosen.start()
+        vehicle.open()
+        chosen.join()
+        assert vehicle.in_command == "shipland"
+
+
 @pytest.mark.parametrize("mode", ["LOITER", "AUTO.RTL"])
 def test_a_pilots_mode_that_mavros_calls_guided_is_a_takeover(mode: str) -> None:
     """An ArduPilot sets MAV_MODE_FLAG_GUIDED_ENABLED in LOITER, BRAKE and RTL, a PX4 in every AUTO."""
     with bench(engage_timeout_s=1.0) as (vehicle, drone):
         drone.mode = mode
-        with pytest.raises(VehicleError, match=f"mode {mode}"):
+        with pytest.raises(VehicleError, match=f"it is {mode}"):
             vehicle.open()
     with bench() as (vehicle, drone):
         vehicle.open()
@@ -127,7 +153,7 @@ def test_odometry_that_comes_late_is_old_and_another_clocks_is_not() -> None:
 def test_a_drone_that_never_obeys_is_said_to() -> None:
     with bench(engage_timeout_s=0.3) as (vehicle, drone):
         drone.armed = False
-        with pytest.raises(VehicleError, match=r"armed and guided .mode OFFBOARD. within 0\.3 s"):
+        with pytest.raises(VehicleError, match=r"not given to us .arm the vehicle, and take off. within 0\.3 s"):
             vehicle.open()
 
 
@@ -172,7 +198,7 @@ def test_closing_leaves_it_holding(kind: str) -> None:
 
 
 def test_a_landing_is_asked_for_and_ended_by_a_topic() -> None:
-    with bench("&wait=1") as (vehicle, drone):
+    with bench("&wait=1", take=False) as (vehicle, drone):
         land = drone.node.publisher("shipland/land", "std_msgs/msg/Bool")
         vehicle.connect()
         assert until(lambda: land.heard)
@@ -203,7 +229,7 @@ print(answer.success, answer.message)
 def test_a_landing_is_called_as_a_service() -> None:
     """By a real rclpy, through `examples/ros2_land.py`."""
     rclpy, example = os.environ["SHIPLAND_RCLPY"], Path(__file__).parents[2] / "examples" / "ros2_land.py"
-    with bench("&wait=1") as (vehicle, drone):
+    with bench("&wait=1", take=False) as (vehicle, drone):
         environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
         environment |= {"ROS_DOMAIN_ID": str(drone.domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
         with (
@@ -387,7 +413,7 @@ def test_a_landing_is_flown_through_the_topics(tmp_path: Path) -> None:
     shipland = [sys.executable, "-m", "shipland"]
     served = [*shipland, "serve-physics", "--interface", "ros2", "--frames-port", str(port), "--seed", "3"]
     flown = [
-        *shipland, "fly", "--vehicle", f"ros2://drone?camera=frames:127.0.0.1:{port}", "--vision", "geometric",
+        *shipland, "fly", "--vehicle", f"ros2://drone?take=1&camera=frames:127.0.0.1:{port}", "--vision", "geometric",
         "--vehicle-config", str(example), "--no-video", "--out", str(tmp_path),
     ]  # fmt: skip
     with subprocess.Popen([*served, "--set", "aircraft.loop.kind=velocity"], env=environment) as server:

@@ -14,6 +14,7 @@ from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.oracle import OracleRate
 from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of
 from shipland.report.campaign_page import campaign_page
+from shipland.report.svg import SERIES
 from shipland.statistics import Interval
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -76,6 +77,23 @@ def test_the_page_stands_alone(page):
 
 def data_of(text):
     return re.search(r'<script type="application/json" id="flights">(.*?)</script>', text, flags=re.DOTALL)[1]
+
+
+def test_dots_stand_out_on_a_dark_page(page):
+    """At 3:1 or more, as WCAG 2.2 (1.4.11) asks of graphics."""
+    text = page.read_text()
+    dark = text.partition("prefers-color-scheme:dark")[2]
+    opacity = float(re.search(r"--dots:([\d.]+)", dark)[1])
+    behind = np.array([int(part, 16) for part in re.search(r"--page:#(..)(..)(..)", dark).groups()])
+
+    def luminance(colour):
+        linear = np.where(colour <= 10.3, colour / 255.0 / 12.92, ((colour / 255.0 + 0.055) / 1.055) ** 2.4)
+        return float(linear @ [0.2126, 0.7152, 0.0722])
+
+    assert 'class="dots"' in text
+    for colour in SERIES:
+        shown = opacity * np.array(colour) + (1.0 - opacity) * behind
+        assert (luminance(shown) + 0.05) / (luminance(behind) + 0.05) >= 3.0
 
 
 def test_failures_link_to_their_logs_and_say_what_flies_them_again(page):

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -58,9 +59,24 @@ def test_a_campaign_leaves_tables_and_is_compared_and_reported(tmp_path, here, m
     assert "2 seeds flown by both" in here("compare", cell, out / "near_time_limit_s=1_paper").stdout
     assert "| near_time_limit_s=1_paper | 2 |" in here("compare", out, out).stdout
     assert here("report", out, "--oracle-motions", "0").returncode == 0
+    own = (out / "report.html").read_bytes()
+    monkeypatch.chdir(tmp_path)
+    several = here("report", out, shutil.copytree(out, tmp_path / "second"), "--oracle-motions", "0")
+    assert several.stdout.strip() == str(Path("out", "report", "report.html"))
+    assert (out / "report.html").read_bytes() == own
     compared = here("compare", out, tmp_path)
     assert compared.returncode == 2
     assert "holds no campaign" in compared.stderr
+
+
+def test_cycles_that_no_viewer_saw_are_told(tmp_path, here, monkeypatch):
+    monkeypatch.setattr("shipland.commands.fly._VIEWER_S", 0.0)
+    monkeypatch.setattr("shipland.record.live.LiveView.left_out", 3)
+    said = []
+    monkeypatch.setattr("shipland.commands.terminal.Terminal.say", lambda _, text: said.append(text))
+    words = ["fly", "--vision", "geometric", "--set", "time_limit_s=0.5", "--no-video", "--live", "--live-port", "0"]
+    here(*words, "--out", tmp_path)
+    assert any("3 cycles were left out" in text for text in said)
 
 
 def test_version_and_scenarios(here):

@@ -9,9 +9,9 @@ import pytest
 from test_campaign import GOOD, NOWHERE, seeded
 
 import shipland
-from shipland.errors import DataError
+from shipland.errors import ConfigError, DataError
 from shipland.evaluation import job
-from shipland.report.dataset import Described, write_dataset
+from shipland.report.dataset import Described, licence_address, write_dataset
 
 HERE = Described("made-up", "https://creativecommons.org/licenses/by/4.0/", "https://example.org/made-up")
 
@@ -30,6 +30,14 @@ def folder(tmp_path_factory):
         patched.setattr(job, "land_once", land)
         shipland.campaign("near", out=out, **options)
     return out
+
+
+def test_a_licence_is_one_that_is_known_or_an_address():
+    assert licence_address("CC-BY-4.0") == HERE.licence
+    assert licence_address(HERE.licence) == HERE.licence
+    for text, near in (("cc-by-4.0", "CC-BY-4.0"), ("CCBY4", "CC-BY-4.0"), ("odbl", "ODbL-1.0"), ("nonsense", "")):
+        with pytest.raises(ConfigError, match=f"--licence {text}: did you mean {near}"):
+            licence_address(text)
 
 
 def test_rows_logs_and_card_agree(folder, tmp_path):

@@ -332,6 +332,18 @@ def test_a_hand_over_is_a_change_and_a_takeover_is_for_good() -> None:
     assert (control.has(guided), control.lost) == (False, "the pilot took over: LOITER")
 
 
+def test_a_mode_without_a_velocity_loop_is_none_of_ours_where_sticks_are_speeds() -> None:
+    loiter, guided, nogps = (AutopilotState(autopilot=ARDUPILOT, mode=mode, armed=True) for mode in (5, 4, 20))
+    for by_speed in (False, True):
+        control = Control(80, by_speed)
+        control.begin(loiter, asking=False)
+        control.see(loiter, nogps)
+        assert control.has(nogps) is not by_speed
+        control.see(nogps, guided)
+        control.see(guided, nogps)
+        assert control.lost == ("the pilot took over: GUIDED_NOGPS" if by_speed else "")
+
+
 def test_a_landing_that_is_denied_is_not_ours_when_a_person_sets_it() -> None:
     guided = AutopilotState(autopilot=ARDUPILOT, mode=4, armed=True)
     landing = replace(guided, mode=9)

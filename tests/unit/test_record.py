@@ -250,6 +250,9 @@ def test_what_is_no_flight_log_is_said_in_words(tmp_path):
     (tmp_path / "text.mcap").write_text("no log at all, but long enough for a header")
     with pytest.raises(DataError, match="not an MCAP file"):
         read_log(tmp_path / "text.mcap")
+    (tmp_path / "empty.mcap").write_bytes(b"")
+    with pytest.raises(DataError, match=r"not an MCAP file, .*: it is empty$"):
+        read_log(tmp_path / "empty.mcap")
     (tmp_path / "file").write_text("")
     with pytest.raises(DataError, match="cannot be written"):
         LogWriter(tmp_path / "file" / "flight.mcap", INFO, RIG, CAMERA, PARAMETERS)

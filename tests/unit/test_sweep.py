@@ -26,6 +26,14 @@ def test_without_changes_there_is_one():
     assert combinations(()) == [()]
 
 
+def test_equal_values_are_one_and_a_missing_one_is_said():
+    assert combinations(["wind.mean_mps=1,1.0,2,1"]) == [(("wind.mean_mps", "1"),), (("wind.mean_mps", "2"),)]
+    assert combinations(['name="","a"']) == [(("name", '""'),), (("name", "a"),)]
+    for text in ("wind.mean_mps=1,,2", "wind.mean_mps=,1"):
+        with pytest.raises(ConfigError, match="a value is missing between the commas"):
+            combinations([text])
+
+
 def test_a_foreign_pilots_name_makes_a_folder():
     (cell,) = cells_of([SuiteEntry(("near",))], Overrides(("statistics:mean",)))
     assert cell.name == "near_statistics.mean"

@@ -19,17 +19,17 @@ class Dataset:
 
     Example: shipland campaign near --runs 50 --logs --out out/near
 
-    Example: shipland dataset out/near --licence https://creativecommons.org/licenses/by/4.0/ --out out/dataset
+    Example: shipland dataset out/near --licence CC-BY-4.0 --out out/dataset
 
     Example: for n in 1 2 3; do shipland fly --seed $n --no-video --out out/flights/$n; done
 
-    Example: shipland dataset out/flights --lerobot --pictures --licence https://creativecommons.org/licenses/by/4.0/
+    Example: shipland dataset out/flights --lerobot --pictures --licence CC-BY-4.0
     """
 
     folder: Folder
     """Folder of a campaign, or with the logs of flights in it (flight.mcap)."""
     licence: str
-    """Address of the licence that the data will have."""
+    """Licence that the data will have: SPDX's name of one for data, or the address of another."""
     out: Path = Path("out/dataset")
     """Output folder; made when missing."""
     name: str = "shipland-landings"
@@ -43,9 +43,9 @@ class Dataset:
 
     def run(self) -> int:
         """Write it and name the files."""
-        from shipland.report.dataset import Described, write_dataset
+        from shipland.report.dataset import Described, licence_address, write_dataset
 
-        described = Described(self.name, self.licence, self.url)
+        described = Described(self.name, licence_address(self.licence), self.url)
         files = write_dataset(self.folder, self.out, described, lerobot=self.lerobot, pictures=self.pictures)
         print(f"{self.out}: {', '.join(files)}")
         return 0

@@ -120,6 +120,8 @@ class Fly(ScenarioOptions):
             )
             if live is not None:
                 live.finish(flight.verdict, flight.result.reason)
+                if live.left_out:
+                    terminal.say(f"live: {live.left_out} cycles were left out: a viewer is slower than the flight")
         _report(terminal, self, flight)
         if flight.problems:
             raise DataError(f"the flight is not on record as asked: {'; '.join(flight.problems)}")

@@ -22,7 +22,7 @@ class Report:
     folders: Paths
     """Folders of campaigns; a flight that two of them hold counts once. Or bundles."""
     out: Path | None = None
-    """The page; report.html in the first folder, or beside the first bundle, when not given."""
+    """The page; when not given, report.html in the folder or beside the bundle, of several out/report/report.html."""
     oracle_motions: int = 60
     """Motions drawn for each oracle rate; 0: none are drawn."""
 
@@ -36,8 +36,8 @@ class Report:
         bundles = [path.suffix == ".zip" for path in self.folders]
         if any(bundles) and not all(bundles):
             raise ConfigError("give either folders or bundles")
-        first = self.folders[0]
-        path = self.out or (first.parent if any(bundles) else first) / "report.html"
+        beside = [path.parent if any(bundles) else path for path in self.folders]
+        path = self.out or (beside[0] if len(beside) == 1 else Path("out/report")) / "report.html"
         page = self._leaderboard(path.parent) if any(bundles) else self._page(path.parent)
         with writing(path):
             path.write_text(page, encoding="utf-8")

@@ -22,7 +22,7 @@ class ServePhysics(ScenarioOptions):
     it. Parameters for the simulated airframe: `shipland example arducopter.parm`, `px4.parm`.
 
     To ROS 2 it is a vehicle with topics of its own, which flies the set-points that come; the world waits for the
-    first, and `shipland fly --vehicle ros2://drone` lands it. Exit code: 0 landed in the square, 1 not.
+    first, and `shipland fly --vehicle "ros2://drone?take=1"` lands it. Exit code: 0 landed in the square, 1 not.
 
     Example: shipland serve-physics --scenario rig-natops --seed 3
 

@@ -188,13 +188,19 @@ def cells_of(entries: Sequence[SuiteEntry], asked: Overrides) -> list[Cell]:
 def combinations(changes: Sequence[str]) -> list[tuple[tuple[str, str], ...]]:
     """Every combination of the values in `changes`, as (key, value) pairs, the last key varying fastest.
 
-    ConfigError where a text is no setting.
+    Equal values (1 and 1.0) are one. ConfigError where a text is no setting, or lacks a value between its commas.
     """
-    options = [[(key, text_of(value)) for value in values] for key, values in map(setting, changes)]
+    options = []
+    for text in changes:
+        key, values = setting(text)
+        if "" in values and not re.search("[\"']", text):
+            raise ConfigError(f"--set {text}: a value is missing between the commas")
+        different = (value for at, value in enumerate(values) if value not in values[:at])
+        options.append([(key, text_of(value)) for value in different])
     return list(itertools.product(*options))
 
 
 def text_of(value: object) -> str:
     """A TOML value as `--set` takes it; quotes only where they keep it one string."""
-    bare = isinstance(value, str) and setting(f"key={value}")[1] == [value]
+    bare = isinstance(value, str) and value != "" and setting(f"key={value}")[1] == [value]
     return str(value) if bare else toml_value(value)

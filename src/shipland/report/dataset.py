@@ -5,6 +5,7 @@ Croissant 1.0 (MLCommons) is JSON-LD on schema.org: files with their digests, an
 
 from __future__ import annotations
 
+import difflib
 import hashlib
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -12,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from shipland.descriptions import descriptions, unit_of
-from shipland.errors import DataError
+from shipland.errors import ConfigError, DataError
 from shipland.evaluation.campaign import cells_file, read_cells, rows_of
 from shipland.evaluation.landing import Conditions, Landing, Phases, as_text, column_of
 from shipland.extras import installed
@@ -42,6 +43,19 @@ _PACKED = {
     "logs.zip": ("logs", "application/octet-stream", "*.mcap", "flight logs: a row a cycle, in Foxglove's schemas"),
     "pictures.zip": ("images", "image/png", "*.png", "FLIGHT/NUMBER.png, as the logs keep them"),
 }
+_LICENCES = {
+    "CC0-1.0": "https://creativecommons.org/publicdomain/zero/1.0/",
+    "CC-BY-4.0": "https://creativecommons.org/licenses/by/4.0/",
+    "CC-BY-SA-4.0": "https://creativecommons.org/licenses/by-sa/4.0/",
+    "CC-BY-NC-4.0": "https://creativecommons.org/licenses/by-nc/4.0/",
+    "CC-BY-NC-SA-4.0": "https://creativecommons.org/licenses/by-nc-sa/4.0/",
+    "CC-BY-ND-4.0": "https://creativecommons.org/licenses/by-nd/4.0/",
+    "CDLA-Permissive-2.0": "https://cdla.dev/permissive-2-0/",
+    "ODC-By-1.0": "https://opendatacommons.org/licenses/by/1-0/",
+    "ODbL-1.0": "https://opendatacommons.org/licenses/odbl/1-0/",
+    "PDDL-1.0": "https://opendatacommons.org/licenses/pddl/1-0/",
+}
+"""Of data, by SPDX's identifiers."""
 _BESIDE = {
     "suite": "suite and version, empty where there is none",
     "cell": "scenario, settings and pilot in a word",
@@ -53,12 +67,24 @@ _BESIDE = {
 
 
 class Described(NamedTuple):
-    """How the card calls the data set."""
+    """How the card calls the data set; the licence is an address."""
 
     name: str
     licence: str
     url: str
     version: str = "1.0.0"
+
+
+def licence_address(text: str) -> str:
+    """The address of a licence by its SPDX identifier; an address is taken as it is, ConfigError for anything else."""
+    if text.startswith(("https://", "http://")):
+        return text
+    if text not in _LICENCES:
+        near = difflib.get_close_matches(text.upper(), _LICENCES, n=1, cutoff=0.0)[0]
+        raise ConfigError(
+            f"--licence {text}: did you mean {near}? Known are {', '.join(_LICENCES)}; another is its address: https://…"
+        )
+    return _LICENCES[text]
 
 
 def write_dataset(

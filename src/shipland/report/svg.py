@@ -144,7 +144,7 @@ def point_chart(
                 else:
                     marks.append(f"M{a - 3:.1f} {b - 3:.1f}l6 6m0 -6l-6 6")
         if marks:
-            dots = 'stroke-width="6" stroke-linecap="round" stroke-opacity="0.55"'
+            dots = 'class="dots" stroke-width="6" stroke-linecap="round"'
             stroke = dots if kind.good else 'stroke-width="2"'
             asked = f' data-series="{kind.series}"' if kind.flights else ""
             parts.append(f'<path fill="none" stroke="{colour}" {stroke}{asked} d="{"".join(marks)}"/>')

@@ -242,6 +242,13 @@ class ExposureClock:
         return offset_s < median_s - max(_LEAST_GATE_S, 3.0 * (median_s - quick_s))
 
 
+def wrong_size(what: str, size_px: tuple[int, int], calibrated_px: tuple[int, int]) -> str:
+    """That pictures are not of the size that the calibration is for, in words after `what`; empty where they are."""
+    if size_px == calibrated_px:
+        return ""
+    return "{} of {} × {} px, the calibration is for {} × {}".format(what, *size_px, *calibrated_px)
+
+
 class VideoSource(PictureSource):
     """A stream, a device or a file by PyAV, or a GStreamer pipeline by OpenCV.
 
@@ -267,11 +274,8 @@ class VideoSource(PictureSource):
         for image, stamp_s in decoded:
             arrived_s = time.monotonic()
             height_px, width_px = image.shape[:2]
-            if (width_px, height_px) != self._size_px:
-                wide, tall = self._size_px
-                raise VehicleError(
-                    f"{self._url} gives pictures of {width_px} × {height_px} px, the calibration is for {wide} × {tall}"
-                )
+            if wrong := wrong_size(f"{self._url} gives pictures", (width_px, height_px), self._size_px):
+                raise VehicleError(wrong)
             exposed_s = self._clock.exposed_s(stamp_s, arrived_s)
             if exposed_s is not None:
                 yield StreamedPicture(image, exposed_s, arrived_s)

@@ -42,6 +42,11 @@ class PreflightParameters:
     wind_share: float = key(0.6, "largest wind, as a share of what full tilt holds against", ge=0.01, le=1)
 
 
+def telemetry_check(rate_hz: float, least_hz: float, what: str = "") -> Check:
+    """Attitudes a second; `what` says of what."""
+    return Check("telemetry", rate_hz >= least_hz, f"{what}{rate_hz:.0f} Hz, at least {least_hz:g}")
+
+
 def battery_check(percent: float | None, least_percent: float, source: str = "") -> Check:
     """The charge; `source` says where it should have come from."""
     if percent is None:

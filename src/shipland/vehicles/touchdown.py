@@ -17,10 +17,16 @@ from typing import NamedTuple
 from shipland.config import key, parameters
 from shipland.frames import GRAVITY_MPS2
 
+MOTORS_STOPPED = "the motors have stopped"
 _LEAST_HOVER = 0.4
 """Least measured hover throttle, as a share of the stated one: lower values were measured on the ground."""
 _HOVER_S = 5.0
 """Time constant of the hover throttle measured in flight."""
+
+
+def motors_stopped(landing: bool) -> str:
+    """The end of a flight whose motors have stopped, in words."""
+    return f"landed: {MOTORS_STOPPED}" if landing else MOTORS_STOPPED
 
 
 @parameters

@@ -69,6 +69,16 @@ def pressed(response: Response, velocity_in_level_mps: tuple[float, float, float
     return Wanted(forward, right, -down_mps, 0.0)
 
 
+def thrust_of(climb_mps: float, up_mps: float, down_mps: float) -> float:
+    """The thrust of an attitude set-point that asks for a vertical speed: 0.5 holds, 1 and 0 are the largest rates.
+
+    >>> thrust_of(-0.75, 2.5, 1.5)
+    0.25
+    """
+    full_mps = up_mps if climb_mps > 0.0 else down_mps
+    return 0.5 + 0.5 * min(max(climb_mps / full_mps, -1.0), 1.0)
+
+
 class HeadingSetPoint:
     """A turn rate integrated to the heading that an attitude set-point carries; one for a flight."""
 

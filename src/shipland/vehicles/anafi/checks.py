@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from shipland.vehicles.anafi.setup import AnafiParameters
-from shipland.vehicles.checks import Check, PreflightParameters, battery_check
+from shipland.vehicles.checks import Check, PreflightParameters, battery_check, telemetry_check
 
 
 @dataclass(frozen=True)
@@ -46,10 +46,7 @@ def anafi_checks(state: AnafiState, parameters: AnafiParameters, wanted: Preflig
     )
     return [
         Check("limits", same, f"asked for {asked}, read back {read}: tilt [°], climb [m/s], turn [°/s]"),
-        Check(
-            "telemetry", state.telemetry_hz >= wanted.telemetry_hz,
-            f"{state.telemetry_hz:.0f} Hz, at least {wanted.telemetry_hz:g}",
-        ),
+        telemetry_check(state.telemetry_hz, wanted.telemetry_hz),
         Check("pictures", not state.problem and state.picture_hz >= wanted.picture_hz, pictures),
         Check("picture's age", age_s <= wanted.picture_age_s, age),
         Check("geofence", bool(state.limits.get("fence")), fence),

@@ -24,10 +24,11 @@ from shipland.vehicles.anafi.checks import AnafiState, anafi_checks
 from shipland.vehicles.anafi.process import AnafiProcess
 from shipland.vehicles.anafi.records import finite, gimbal_of, merged, sticks_of, with_metadata
 from shipland.vehicles.anafi.setup import AnafiSetup
-from shipland.vehicles.camera_stream import ExposureClock, StreamedPicture
+from shipland.vehicles.camera_stream import ExposureClock, StreamedPicture, wrong_size
 from shipland.vehicles.checks import Check
 from shipland.vehicles.gimbal import Reading, gimbal_at
 from shipland.vehicles.link_vehicle import LinkVehicle
+from shipland.vehicles.touchdown import MOTORS_STOPPED, motors_stopped
 from shipland.vehicles.vehicle import LONGEST_WAIT_S, Vehicle, unless_late
 
 _GIMBAL_S = 0.1
@@ -273,18 +274,14 @@ class AnafiVehicle(LinkVehicle):
         elif kind != "flying":
             return
         elif flew and not self._telemetry.flying:
-            reason = "landed: the motors have stopped" if ours or self._landing else "the motors have stopped"
-            self._end(reason, "nobody: the motors have stopped", yielded=True)
+            self._end(motors_stopped(ours or self._landing), f"nobody: {MOTORS_STOPPED}", yielded=True)
         elif "landing" in self._state and not ours:  # high over the deck, our sticks begin no landing of its own
             self._end(f"somebody else lands the ANAFI: {self._state}", "somebody else (landing)", yielded=True)
 
     def _take_picture(self, record: Mapping[str, Any], data: bytes) -> None:
         arrived_s, (width_px, height_px) = time.monotonic(), map(int, record["size_px"])
-        if (width_px, height_px) != (self.camera.width_px, self.camera.height_px):
-            self._problem = (
-                f"pictures are of {width_px} × {height_px} px, the calibration is for "
-                f"{self.camera.width_px} × {self.camera.height_px}"
-            )
+        if wrong := wrong_size("pictures are", (width_px, height_px), (self.camera.width_px, self.camera.height_px)):
+            self._problem = wrong
             return
         image = _bgr(data, record["planes"], width_px, height_px)
         exposed_s = self._clock.exposed_s(float(record["stamp_s"]), arrived_s)

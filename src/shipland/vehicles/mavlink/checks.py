@@ -7,9 +7,9 @@ import time
 
 from shipland.guidance.response import Response
 from shipland.vehicles.camera_stream import CameraStream
-from shipland.vehicles.checks import Check, battery_check, limits_text
+from shipland.vehicles.checks import Check, battery_check, limits_text, telemetry_check
 from shipland.vehicles.mavlink.dialect import dialect
-from shipland.vehicles.mavlink.modes import mode_name
+from shipland.vehicles.mavlink.modes import mode_name, obeys_us
 from shipland.vehicles.mavlink.parameters import VehicleLimits
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setup import MavlinkSetup
@@ -32,15 +32,16 @@ def link_checks(
     times_s = [t_s for t_s, _, _ in session.attitudes if now_s - t_s <= _RATE_S]
     rate_hz = len(times_s) / _RATE_S
     name = "PX4" if state.autopilot == PX4 else "ArduPilot"
+    deaf = obeys_us(state) and not obeys_us(state, response.kind == "velocity")
     lines = [
-        Check("autopilot", True, f"{name}, system {session.link.vehicle}, mode {mode_name(state)}"),
+        Check(
+            "autopilot", not deaf, f"{name}, system {session.link.vehicle}, mode {mode_name(state)}"
+            + (", which flies no velocities: hand over in GUIDED, or fly tilts by ?kind=attitude" if deaf else ""),
+        ),
         *_others(session, setup),
         _health(state, now_s),
         _transmitter(state, now_s),
-        Check(
-            "telemetry", rate_hz >= wanted.telemetry_hz,
-            f"attitude {rate_hz:.0f} Hz, at least {wanted.telemetry_hz:g}",
-        ),
+        telemetry_check(rate_hz, wanted.telemetry_hz, "attitude "),
         Check(
             "round trip", 0.0 < state.round_trip_s <= wanted.round_trip_s,
             f"{1e3 * state.round_trip_s:.0f} ms, at most {1e3 * wanted.round_trip_s:.0f}; 0 is no answer (TIMESYNC)",

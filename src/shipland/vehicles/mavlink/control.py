@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from shipland.vehicles.hand_over import HandOver
 from shipland.vehicles.mavlink.dialect import dialect
 from shipland.vehicles.mavlink.modes import lands_by_itself, mode_name, obeys_us
 from shipland.vehicles.mavlink.state import AutopilotState
-
-MOTORS_STOPPED = "the motors have stopped"
+from shipland.vehicles.touchdown import MOTORS_STOPPED
 
 
 class Control:
@@ -15,11 +15,15 @@ class Control:
     Control begins with the guided mode: set by the operator after `begin`, or requested by us. From then on another
     mode, a moved stick, stopped motors or a restart ends it, whatever mode comes later. The autopilot's own landing is
     no other mode once we have asked for it.
+
+    Args:
+        stick_takeover_us: a stick moved by more takes over.
+        by_speed: our set-points are velocities.
     """
 
-    def __init__(self, stick_takeover_us: int) -> None:
-        self._stick_takeover_us = stick_takeover_us
-        self._begun = self._left_guided = False
+    def __init__(self, stick_takeover_us: int, by_speed: bool = False) -> None:
+        self._stick_takeover_us, self._by_speed = stick_takeover_us, by_speed
+        self._hand_over: HandOver | None = None
         self._asked_in: int | None = None
         self._sticks_us: tuple[int, ...] = ()
         self._moved = 0
@@ -44,24 +48,28 @@ class Control:
 
         Args:
             state: the newest.
-            asking: we ask for the mode: it counts however it came, and any third mode is the pilot's word. Otherwise
-                only a change into the guided mode counts: one that is set already was not set for us.
+            asking: as of `HandOver`; any third mode is the pilot's word.
         """
-        self._left_guided = asking or not obeys_us(state)
+        hand_over = HandOver(asking)
+        hand_over.see(self.obeys(state))
         self._asked_in = state.mode if asking else None
-        self._begun = True
+        self._hand_over = hand_over
+
+    def obeys(self, state: AutopilotState) -> bool:
+        """Whether the mode obeys our set-points."""
+        return obeys_us(state, self._by_speed)
 
     def see(self, before: AutopilotState, after: AutopilotState) -> None:
         """Notice what a message has changed."""
-        if self.lost or not self._begun:
+        if self.lost or self._hand_over is None:
             return
         asked = dialect.MAV_CMD_DO_SET_MODE
         if not self.lands(before) and after.denied(asked, before.answers(asked)):
             self.hands_over = False
-        ours = obeys_us(after) or self.lands(after)
+        ours = self.obeys(after) or self.lands(after)
         if not self.granted:
-            self._left_guided = self._left_guided or not ours
-            self.granted = ours and self._left_guided
+            self._hand_over.see(ours)
+            self.granted = self._hand_over.given
             if not ours and self._asked_in not in (None, after.mode):
                 self.lose(f"the pilot took over: {mode_name(after)}")
         elif after.clock.restarts != before.clock.restarts:
@@ -80,7 +88,7 @@ class Control:
 
     def has(self, state: AutopilotState) -> bool:
         """Whether we may command now: given to us, not taken, and the mode obeys us."""
-        return self.granted and not self.lost and obeys_us(state)
+        return self.granted and not self.lost and self.obeys(state)
 
     def answers_for(self, state: AutopilotState) -> bool:
         """Whether the vehicle flies as we want it: by our set-points, or in the landing that we have asked for."""
@@ -94,7 +102,7 @@ class Control:
         """Who flies, in words."""
         if self.released or self.lands(state):
             return "the autopilot"
-        if not obeys_us(state):
+        if not self.obeys(state):
             return f"the pilot ({mode_name(state)})"
         if self.has(state):
             return "shipland"

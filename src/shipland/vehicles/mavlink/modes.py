@@ -43,11 +43,11 @@ def guided_name(state: AutopilotState) -> str:
     return "OFFBOARD" if state.autopilot == PX4 else "GUIDED"
 
 
-def obeys_us(state: AutopilotState) -> bool:
-    """Whether the mode obeys our set-points."""
+def obeys_us(state: AutopilotState, by_speed: bool = False) -> bool:
+    """Whether the mode obeys our set-points; `by_speed`: velocities, which GUIDED_NOGPS does not fly."""
     if state.autopilot == PX4:
         return (state.mode >> 16) & 0xFF == PX4_OFFBOARD
-    return state.mode in (GUIDED, GUIDED_NOGPS)
+    return state.mode == GUIDED or (state.mode == GUIDED_NOGPS and not by_speed)
 
 
 def own_landing(state: AutopilotState) -> tuple[int, int]:

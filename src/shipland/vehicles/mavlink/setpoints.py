@@ -30,16 +30,6 @@ def level_message(system: int) -> Message:
     )
 
 
-def thrust_of(climb_mps: float, up_mps: float, down_mps: float) -> float:
-    """The thrust by which an ArduPilot is asked for a vertical speed: 0.5 holds, 1 and 0 are its largest rates.
-
-    >>> thrust_of(-0.75, 2.5, 1.5)
-    0.25
-    """
-    full_mps = up_mps if climb_mps > 0.0 else down_mps
-    return 0.5 + 0.5 * min(max(climb_mps / full_mps, -1.0), 1.0)
-
-
 def attitude_message(wanted: Wanted, heading_rad: float, thrust: float, system: int, boot_ms: int) -> Message:
     """SET_ATTITUDE_TARGET with the heading to turn to and `thrust_of` the climb."""
     quaternion = list(quaternion_from_euler(wanted.right, -wanted.forward, heading_rad))

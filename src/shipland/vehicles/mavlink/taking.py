@@ -8,9 +8,10 @@ from collections.abc import Callable
 
 from shipland.errors import VehicleError
 from shipland.stopping import sleep_or_stop
+from shipland.vehicles.hand_over import hand_over_words
 from shipland.vehicles.mavlink.control import Control
 from shipland.vehicles.mavlink.dialect import dialect
-from shipland.vehicles.mavlink.modes import guided_name, mode_name, obeys_us
+from shipland.vehicles.mavlink.modes import guided_name, mode_name
 from shipland.vehicles.mavlink.parameters import MavlinkParameters
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setup import Engagement
@@ -61,9 +62,7 @@ class Taking:
     def _hand_over_words(self) -> str:
         """What the operator has to do."""
         state = self._session.state
-        if obeys_us(state):
-            return f"the vehicle is in {mode_name(state)} already: switch out of it and back to hand over"
-        return f"switch to {guided_name(state)} to hand over (it is {mode_name(state)})"
+        return hand_over_words(guided_name(state), mode_name(state), self._control.obeys(state))
 
     def _over(self) -> bool:
         return bool(self._control.lost) or self._closed()

@@ -18,7 +18,7 @@ from shipland.rig import Rig
 from shipland.vehicles.address import VehicleSetup
 from shipland.vehicles.checks import Check
 from shipland.vehicles.gimbal import gimbal_at
-from shipland.vehicles.mavlink.control import MOTORS_STOPPED, Control
+from shipland.vehicles.mavlink.control import Control
 from shipland.vehicles.mavlink.dialect import dialect
 from shipland.vehicles.mavlink.modes import GUIDED_NOGPS, obeys_us, own_landing
 from shipland.vehicles.mavlink.motors import MotorStop
@@ -33,15 +33,15 @@ from shipland.vehicles.mavlink.parameters import (
 )
 from shipland.vehicles.mavlink.publish import Mounting, tell
 from shipland.vehicles.mavlink.session import Session
-from shipland.vehicles.mavlink.setpoints import AUTOPILOT, attitude_message, thrust_of, velocity_message
+from shipland.vehicles.mavlink.setpoints import AUTOPILOT, attitude_message, velocity_message
 from shipland.vehicles.mavlink.setup import MavlinkSetup, open_session
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
 from shipland.vehicles.mavlink.taking import Taking
 from shipland.vehicles.mavlink.telemetry import telemetry_of
 from shipland.vehicles.setpoint_vehicle import SetpointVehicle
-from shipland.vehicles.touchdown import GroundContact
+from shipland.vehicles.touchdown import MOTORS_STOPPED, GroundContact, motors_stopped
 from shipland.vehicles.vehicle import Vehicle
-from shipland.vehicles.wanted import HOLD, Wanted, pressed, wanted_of
+from shipland.vehicles.wanted import HOLD, Wanted, pressed, thrust_of, wanted_of
 
 _HEIGHT_S = 1.0
 """A take-off of ours does not climb on a height older than this."""
@@ -60,7 +60,7 @@ class MavlinkVehicle(SetpointVehicle):
         super().__init__(setup.parameters)
         self._setup = setup
         self._session: Session | None = None
-        self._control = Control(self._parameters.stick_takeover_us)
+        self._control = Control(self._parameters.stick_takeover_us, self._parameters.kind == "velocity")
         self._opening = False
         self._hand_overs, self._handed_s = 0, -math.inf
         self._beat_s = self._asked_s = self._awake_s = -math.inf
@@ -203,7 +203,7 @@ class MavlinkVehicle(SetpointVehicle):
     def _end_if_lost(self) -> None:
         lost = self._control.lost
         if lost:
-            self._end(f"landed: {lost}" if lost == MOTORS_STOPPED and self._landing() else lost)
+            self._end(motors_stopped(self._landing()) if lost == MOTORS_STOPPED else lost)
 
     # The thread of the set-points
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from shipland.vehicles.camera_stream import CameraStream
-from shipland.vehicles.checks import Check, battery_check, limits_text
+from shipland.vehicles.checks import Check, battery_check, limits_text, telemetry_check
 from shipland.vehicles.ros2.setup import Ros2Setup
 from shipland.vehicles.ros2.state import Heard
 
@@ -25,10 +25,7 @@ def ros2_checks(heard: Heard, stream: CameraStream, setup: Ros2Setup) -> list[Ch
             f"/{topics['state']}: mode {heard.mode}, {'armed' if telemetry.flying else 'not armed'}"
             if silent_s <= _RATE_S else f"/{topics['state']} (mavros_msgs/State) has not come",
         ),
-        Check(
-            "telemetry", rate_hz >= wanted.telemetry_hz,
-            f"/{topics['odom']}: attitude {rate_hz:.0f} Hz, at least {wanted.telemetry_hz:g}",
-        ),
+        telemetry_check(rate_hz, wanted.telemetry_hz, f"/{topics['odom']}: attitude "),
         Check(
             "pictures", stream.rate_hz >= wanted.picture_hz,
             f"/{topics['image']}: {stream.rate_hz:.1f} Hz, at least {wanted.picture_hz:g}"

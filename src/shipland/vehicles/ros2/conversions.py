@@ -25,7 +25,7 @@ from shipland.frames import (
 )
 from shipland.messages import GimbalAttitude, Telemetry
 from shipland.vehicles.ros2.types import Message, message
-from shipland.vehicles.wanted import Wanted
+from shipland.vehicles.wanted import Wanted, thrust_of
 
 ODOM, BASE_LINK, BASE_LEVEL, CUE, DECK = "odom", "base_link", "base_level", "cue", "deck"
 """Frame ids: REP-105's two; `level`, `bar` and `deck` with ROS's axes."""
@@ -221,7 +221,7 @@ def attitude_message(wanted: Wanted, heading_rad: float, max_climb_mps: float, t
         type_mask=_EVERYTHING_COUNTS,
         orientation=_quaternion(ENU_FROM_NED @ ned_from_body @ FLU_FROM_FRD),
         body_rate=message("geometry_msgs/msg/Vector3", z=-wanted.turn_rad_s),
-        thrust=0.5 + 0.5 * min(max(wanted.climb_mps / max_climb_mps, -1.0), 1.0),
+        thrust=thrust_of(wanted.climb_mps, max_climb_mps, max_climb_mps),
     )
 
 

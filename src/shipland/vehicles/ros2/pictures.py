@@ -9,7 +9,7 @@ from typing import Any
 
 from shipland.camera import Camera
 from shipland.errors import DataError, VehicleError
-from shipland.vehicles.camera_stream import ExposureClock, PictureSource, StreamedPicture
+from shipland.vehicles.camera_stream import ExposureClock, PictureSource, StreamedPicture, wrong_size
 from shipland.vehicles.ros2.conversions import seconds
 from shipland.vehicles.ros2.image_messages import image_of
 from shipland.vehicles.ros2.types import Message
@@ -71,11 +71,8 @@ class TopicPictures(PictureSource):
             except DataError as error:
                 raise VehicleError(str(error)) from None
             height_px, width_px, _ = image.shape
-            if (width_px, height_px) != (camera.width_px, camera.height_px):
-                raise VehicleError(
-                    f"pictures are of {width_px} × {height_px} px, the calibration is for "
-                    f"{camera.width_px} × {camera.height_px}"
-                )
+            if wrong := wrong_size("pictures are", (width_px, height_px), (camera.width_px, camera.height_px)):
+                raise VehicleError(wrong)
             self.frame_id = picture.header.frame_id or self.frame_id
             yield StreamedPicture(image, exposed_s, arrived_s)
 

@@ -32,7 +32,7 @@ VEHICLE_TOPICS: Mapping[str, str] = {
 """Topics of the vehicle, below its namespace, by the option that renames one."""
 OUR_TOPICS = {name: f"shipland/{name}" for name in ("cue_pose", "detections", "diagnostics", "result", "land")}
 """What we publish and listen to."""
-_OPTIONS = ("kind", "domain", "local", "wait", "mount_deg", "latency_s", "camera")
+_OPTIONS = ("kind", "domain", "local", "wait", "take", "mount_deg", "latency_s", "camera")
 
 
 def vehicle_topics(namespace: str, renamed: Mapping[str, str]) -> dict[str, str]:
@@ -59,6 +59,7 @@ class Ros2Setup:
         domain: ROS domain.
         local: loopback alone.
         wait: fly only once `/shipland/land` has said so.
+        take: a vehicle that obeys set-points already is taken as it is.
         camera: intrinsics; None to take those of `camera_info`.
         frames: pictures and truth from a simulator's socket instead of a topic, or None.
         fixed_pitch_rad: of a camera fixed to the body; None for a mount that tells its attitude.
@@ -72,6 +73,7 @@ class Ros2Setup:
     domain: int
     local: bool
     wait: bool
+    take: bool
     camera: Camera | None
     frames: FrameSource | None
     fixed_pitch_rad: float | None
@@ -104,6 +106,7 @@ class Ros2Setup:
             domain=domain_id(address.known_number("domain")),
             local=address.flag("local") or only_this_machine(),
             wait=address.flag("wait"),
+            take=address.flag("take"),
             camera=setup.camera if setup.calibrated else None,
             frames=frames,
             fixed_pitch_rad=setup.fixed_pitch_rad,

@@ -12,9 +12,11 @@ from typing import Any
 
 from shipland.messages import GimbalAttitude, Telemetry
 from shipland.vehicles.gimbal import Reading, gimbal_at
+from shipland.vehicles.hand_over import HandOver, hand_over_words
 from shipland.vehicles.ros2.conversions import gimbal_of, seconds, with_odometry
 from shipland.vehicles.ros2.pictures import ours_s
 from shipland.vehicles.ros2.types import Message
+from shipland.vehicles.touchdown import motors_stopped
 
 _READINGS = 200
 """Attitudes kept: four seconds at 50 Hz."""
@@ -34,8 +36,8 @@ def obeys_set_points(state: Message) -> bool:
 class Heard:
     """The vehicle's messages, merged on the node's thread, read from any.
 
-    Control is ours while the vehicle says that it is armed and obeys set-points (`obeys_set_points`); once it has been
-    ours, the first message that says otherwise ends it for good.
+    Control is ours once the vehicle was given to us (`HandOver`) and is armed, while it says that it obeys set-points
+    (`obeys_set_points`); once it has been ours, the first message that says otherwise ends it for good.
     """
 
     def __init__(self) -> None:
@@ -50,6 +52,7 @@ class Heard:
         self.land: bool | None = None
         """What `/shipland/land` said last."""
         self._engaged = self._our_clock = False
+        self._hand_over: HandOver | None = None
         self.landing = False
         """Whether the descent that is flown ends on the deck: motors that stop then have landed it."""
         self.lost = ""
@@ -81,10 +84,12 @@ class Heard:
         """mavros_msgs/State."""
         with self._changed:
             self._state, self.state_s = state, time.monotonic()
+            if self._hand_over is not None:
+                self._hand_over.see(obeys_set_points(state))
             if self._engaged and not state.armed:
-                self._lose("landed: the motors have stopped" if self.landing else "the motors have stopped")
+                self._lose(motors_stopped(self.landing))
             elif self._engaged and not obeys_set_points(state):
-                self._lose(f"the pilot took over: {state.mode or 'no mode given'}")
+                self._lose(f"the pilot took over: {self.mode}")
             self._changed.notify_all()
 
     def take_land(self, asked: Message) -> None:
@@ -101,10 +106,25 @@ class Heard:
             with self._changed:
                 self._lose(f"link lost: the vehicle's state has not come for {timeout_s:g} s")
 
+    def expect(self, asked: bool) -> None:
+        """From now on a hand-over counts; `asked` as of `HandOver`."""
+        with self._changed:
+            self._hand_over = HandOver(asked)
+            if self._state is not None:
+                self._hand_over.see(obeys_set_points(self._state))
+
     @property
-    def obeys(self) -> bool:
-        """Armed and obeying set-points, by its own word."""
-        return self._state is not None and bool(self._state.armed) and obeys_set_points(self._state)
+    def given(self) -> bool:
+        """Handed over, and armed, by its own word."""
+        return self._hand_over is not None and self._hand_over.given and bool(self._state.armed)
+
+    @property
+    def hand_over_words(self) -> str:
+        """What the operator has to do."""
+        if self._hand_over is not None and self._hand_over.given:
+            return "arm the vehicle, and take off"
+        obeys = self._state is not None and obeys_set_points(self._state)
+        return hand_over_words("GUIDED or OFFBOARD", self.mode, obeys)
 
     @property
     def ours(self) -> bool:
@@ -114,7 +134,7 @@ class Heard:
     @property
     def mode(self) -> str:
         """As the vehicle names it."""
-        return "unknown" if self._state is None else str(self._state.mode) or "no mode given"
+        return "unknown" if self._state is None else str(self._state.mode) or "a mode without a name"
 
     def begin(self) -> None:
         """From now on it is ours, and what the vehicle says otherwise ends that."""

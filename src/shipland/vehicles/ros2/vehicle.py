@@ -5,6 +5,7 @@ Set-points leave while the vehicle says that it is armed and obeys them; what we
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable
 
@@ -30,6 +31,8 @@ from shipland.vehicles.ros2.types import message
 from shipland.vehicles.setpoint_vehicle import SetpointVehicle
 from shipland.vehicles.vehicle import Vehicle
 from shipland.vehicles.wanted import HOLD, Wanted, wanted_of
+
+_log = logging.getLogger(__name__)
 
 _LOOK_S = 0.2
 """How often a stop is looked for while waiting."""
@@ -94,25 +97,26 @@ class Ros2Vehicle(SetpointVehicle):
         if setup.frames is None:
             node.subscribe(topics["image"], image_kind(topics["image"]), self._topic.take)
         self._start_stream(self._source)
-        self._await(lambda: self._camera is not None, f"/{topics['camera_info']} has not come")
+        self._await(lambda: self._camera is not None, lambda: f"/{topics['camera_info']} has not come")
         silent = f"/{topics['image']} has not come; `ros2 topic list` shows what there is"
         self._await_picture(setup.open_timeout_s, silent)
 
     def _engage(self) -> None:
-        """Wait until the vehicle is armed and obeys us, and for `/shipland/land` if that was asked for."""
+        """Wait for `/shipland/land` if that was asked for, and until the vehicle was handed over and is armed."""
         assert self._telling is not None
         heard, parameters, waits = self._heard, self._parameters, self._setup.wait
         while waits and not heard.land:
             self._telling.state("", "waiting for /shipland/land", time.monotonic())
             heard.wait(lambda: heard.land, _LOOK_S)
             check_stop()
-        self._telling.state("", "waiting for the vehicle to be armed and obey set-points", time.monotonic())
-        state = self._setup.topics["state"]
+        heard.expect(waits or self._setup.take)
+        if not heard.given:
+            _log.warning(heard.hand_over_words)
+            self._telling.state("", heard.hand_over_words, time.monotonic())
         self._await(
-            lambda: heard.obeys,
-            f"/{state} does not say that the vehicle is armed and guided (mode {heard.mode})",
+            lambda: heard.given, lambda: f"the vehicle was not given to us ({heard.hand_over_words})",
             parameters.engage_timeout_s,
-        )
+        )  # fmt: skip
         heard.begin()
         self._begin()
         self._start_set_points("ros2-set-points")
@@ -160,7 +164,7 @@ class Ros2Vehicle(SetpointVehicle):
 
     # Within
 
-    def _await(self, until: Callable[[], bool], otherwise: str, timeout_s: float | None = None) -> None:
+    def _await(self, until: Callable[[], bool], otherwise: Callable[[], str], timeout_s: float | None = None) -> None:
         """Wait for something heard; VehicleError when it does not come."""
         timeout_s = timeout_s or self._parameters.connect_timeout_s
         end_s = time.monotonic() + timeout_s
@@ -168,7 +172,7 @@ class Ros2Vehicle(SetpointVehicle):
         while not self._heard.wait(until, _LOOK_S) and time.monotonic() < end_s:
             check_stop()
         if not until():
-            raise VehicleError(f"{self._camera_problem or otherwise} within {timeout_s:g} s")
+            raise VehicleError(f"{self._camera_problem or otherwise()} within {timeout_s:g} s")
 
     def _take_camera(self, info: object) -> None:
         try:
