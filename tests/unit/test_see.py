@@ -137,6 +137,15 @@ def test_a_picture_of_51_million_pixels_is_refused_at_once(tmp_path):
         see(path)
 
 
+def test_a_larger_one_is_refused_before_it_is_decoded(tmp_path, monkeypatch):
+    path = tmp_path / "bomb.bmp"
+    head = struct.pack("<2sIHHIIiiHHIIiiII", b"BM", 54, 0, 0, 54, 40, 30_000, 30_000, 1, 24, 0, 0, 0, 0, 0, 0)
+    path.write_bytes(head + bytes(100))
+    monkeypatch.setattr("shipland.vision.pictures.cv2.imdecode", None)
+    with pytest.raises(DataError, match="hundreds of millions of pixels; expected at most 50 million"):
+        see(path)
+
+
 def test_a_flight_log_is_seen_with_its_times_and_camera(tmp_path, bar_image, capsys):
     path = log_of(tmp_path, [bar_image, bar_image])
     out = tmp_path / "drawn"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import itertools
+import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import numpy.typing as npt
+from PIL import Image
 
 from shipland.errors import DataError
 from shipland.extras import require
@@ -130,6 +133,11 @@ def read_picture(path: Path) -> Picture:
         raise DataError(f"picture {path} does not exist") from None
     except OSError as error:
         raise DataError(f"picture {path} cannot be read: {error.strerror}") from None
+    if size := _too_large(data):
+        raise DataError(
+            f"{path} has {size}; expected at most {LARGEST_PX / 1e6:.0f} million: shrink it, or cut out what is to be "
+            "looked at"
+        )
     image = None
     if data and not _breaks_off(data):
         level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
@@ -141,13 +149,21 @@ def read_picture(path: Path) -> Picture:
             cv2.utils.logging.setLogLevel(level)
     if image is None:
         raise DataError(f"{path} is not a whole picture; expected JPEG, PNG, TIFF, BMP, WebP or PNM")
-    height_px, width_px = image.shape[:2]
-    if width_px * height_px > LARGEST_PX:
-        raise DataError(
-            f"{path} has {width_px} × {height_px} px; expected at most {LARGEST_PX / 1e6:.0f} million: shrink "
-            "it, or cut out what is to be looked at"
-        )
     return np.asarray(image, np.uint8)
+
+
+def _too_large(data: bytes) -> str:
+    """What a picture of more than `LARGEST_PX` has, by its head, before anything is decoded; empty for others."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+        try:
+            with Image.open(io.BytesIO(data)) as picture:
+                width_px, height_px = picture.size
+        except Image.DecompressionBombError:
+            return "hundreds of millions of pixels"
+        except (OSError, ValueError):
+            return ""
+    return f"{width_px} × {height_px} px" if width_px * height_px > LARGEST_PX else ""
 
 
 def _read_log(path: Path) -> Iterator[tuple[float, Picture]]:
