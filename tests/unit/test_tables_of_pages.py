@@ -18,7 +18,6 @@ TYPED = {
     "docs/results/guidance.md": 1,  # gains worked out
     "docs/results/learned-policies.md": 1,  # a policy that was not kept
     "docs/results/near-vision.md": 2,  # photographs and a path tracer that are not in the repository
-    "docs/results/paper.md": 1,  # modes of one campaign
     "docs/results/real-autopilots.md": 4,  # autopilots that are not in the repository
 }
 """Tables with figures that no study measures. Lower a number when a table is drawn from results; raise none."""
