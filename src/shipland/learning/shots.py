@@ -15,6 +15,7 @@ from shipland.learning.sensor import ImageSensorParameters
 from shipland.learning.shot import Shot
 from shipland.rig import Rig
 from shipland.sim.scene_parameters import SceneParameters
+from shipland.sim.ship.deck_motion import rig_limits
 from shipland.sim.state import target_box
 
 Span = tuple[float, float]
@@ -155,8 +156,6 @@ def draw_shot(
     velocity = rng.uniform(-fastest_mps, fastest_mps)
     if empty:
         ship_position = ship_position - max(_AWAY_M, 3.0 * range_m) * np.array([np.cos(heading), np.sin(heading), 0.0])
-    limits = np.array([rig.surge_limit_m, rig.sway_limit_m, rig.heave_limit_m])
-    turns = np.radians([rig.roll_limit_deg, rig.pitch_limit_deg, rig.yaw_limit_deg])
     shot = Shot(
         number=number,
         kind=kind,
@@ -173,7 +172,7 @@ def draw_shot(
         ship_position_in_ned_m=ship_position,
         ship_velocity_in_ned_mps=ship_velocity,
         ship_heading_rad=ship_heading,
-        deck_amplitude=0.8 * rng.random() * np.append(limits, turns) * rng.random(6),
+        deck_amplitude=0.8 * rng.random() * rig_limits(rig) * rng.random(6),
         deck_phase_rad=rng.uniform(0.0, 2.0 * np.pi, 6),
         t0_s=float(rng.uniform(0.0, 600.0)),
         decoys=(),
