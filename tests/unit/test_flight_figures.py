@@ -8,13 +8,7 @@ from made_up_flight import VERDICT, flight, log_of, write_log
 
 from shipland.errors import DataError
 from shipland.report.plots import PlotParameters
-from shipland.reproduce.flight_figures import (
-    figures_of_flights,
-    plot_commands,
-    read_flights,
-    touchdowns_of,
-    tracks_of,
-)
+from shipland.reproduce.flight_figures import Tracks, figures_of_flights, plot_commands, read_flights, touchdowns_of
 
 PARAMETERS = PlotParameters(dpi=50)
 
@@ -25,7 +19,7 @@ def records():
 
 
 def test_tracks_lie_in_the_axes_of_the_ship_at_the_start(records):
-    track = tracks_of(log_of(records))
+    track = Tracks(log_of(records))
     assert track.ship_m[0] == pytest.approx([0.0, 0.0, 0.0])
     # the made-up ship runs at 2 m/s on its course: ahead, whatever the course
     duration_s = track.t_s[-1] - track.t_s[0]

@@ -25,16 +25,10 @@ from shipland.reproduce.near import FALSE_AT_S, FALSE_M, NearTrace, Spoiled, fly
 from shipland.reproduce.near_chain import chain_steps, plot_near_chain
 from shipland.reproduce.paper import run_paper
 from shipland.reproduce.plots import plot_far_steps, plot_near, plot_readings
-from shipland.reproduce.ranges import (
-    FarCase,
-    FarTrace,
-    bar_points_in_bar_m,
-    box_of,
-    fly_far,
-    ship_points_in_ship_m,
-)
+from shipland.reproduce.ranges import FarCase, FarTrace, box_of, fly_far, ship_points_in_ship_m
 from shipland.rig import Rig
 from shipland.scenario.scenario import load_scenario, scenario_table
+from shipland.sim.state import board_corners_in_bar_m
 from shipland.vision.parameters import VisionParameters
 
 RIG = Rig()
@@ -93,7 +87,7 @@ def test_an_approach_s_figures_by_hand():
 
 def test_true_boxes_have_the_rig_s_size():
     # camera 100 m astern of the bar and level with it, looking ahead
-    bar = CAMERA_FROM_MOUNT @ (bar_points_in_bar_m(RIG) + np.array([100.0, 0.0, 0.0])).T
+    bar = CAMERA_FROM_MOUNT @ (board_corners_in_bar_m(RIG) + np.array([100.0, 0.0, 0.0])).T
     box = box_of(CAMERA, bar.T, np.zeros(4))
     assert box.size_px == pytest.approx((1.40 * CAMERA.focal_px / 100.0, 0.30 * CAMERA.focal_px / 100.0))
     assert box.centre_px == pytest.approx((639.5, 359.5))

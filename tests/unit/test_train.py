@@ -372,7 +372,7 @@ def test_resumed_run_equals_one_in_a_piece(squares, tmp_path, monkeypatch):
     one, _, _ = load_checkpoint(tmp_path / "whole" / training.LAST)
     two, _, _ = load_checkpoint(cut / training.LAST)
     assert one.keys() == two.keys()
-    assert all(torch.equal(one[name], two[name]) for name in one)
+    assert all(torch.equal(one[part][name], two[part][name]) for part in one for name in one[part])
     assert load_reader(detector, "onnxruntime", "fp32", 1).classes == ("ship",)
     assert {item.name for item in cut.iterdir()} >= {"detector-int8.onnx", "curves.png", "model-card.md"}
 
@@ -381,9 +381,9 @@ def test_checkpoints_that_cannot_be_read_are_named(tmp_path):
     path = tmp_path / "last.safetensors"
     with pytest.raises(DataError, match="does not exist"):
         load_checkpoint(path)
-    save_checkpoint(path, {"a.b": torch.ones(3)}, WIDE, Progress(step=7))
+    save_checkpoint(path, {"a": {"b": torch.ones(3)}}, WIDE, Progress(step=7))
     tensors, spec, progress = load_checkpoint(path)
-    assert torch.equal(tensors["a.b"], torch.ones(3))
+    assert torch.equal(tensors["a"]["b"], torch.ones(3))
     assert (spec, progress.step) == (WIDE, 7)
     path.write_bytes(path.read_bytes()[:-6])
     with pytest.raises(DataError, match="is truncated"):
@@ -395,14 +395,14 @@ def test_checkpoints_that_cannot_be_read_are_named(tmp_path):
 
 def test_a_failed_write_leaves_the_old_checkpoint(tmp_path, monkeypatch):
     path = tmp_path / "last.safetensors"
-    save_checkpoint(path, {"a": torch.ones(3)}, WIDE, Progress(step=1))
+    save_checkpoint(path, {"a": {"b": torch.ones(3)}}, WIDE, Progress(step=1))
 
     def full(*_):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(OSError, match="No space"):
-        save_checkpoint(path, {"a": torch.zeros(3)}, WIDE, Progress(step=2))
+        save_checkpoint(path, {"a": {"b": torch.zeros(3)}}, WIDE, Progress(step=2))
     assert load_checkpoint(path)[2].step == 1
     assert [item.name for item in tmp_path.iterdir()] == ["last.safetensors"]
 
@@ -436,7 +436,7 @@ def test_a_detectors_file_is_a_start(squares, tmp_path):
 
 def test_start_from_weights_of_another_shape_is_refused(squares, tmp_path):
     other = tmp_path / "other.safetensors"
-    save_checkpoint(other, {"average.a": torch.ones(1)}, replace(WIDE, width=0.5), Progress())
+    save_checkpoint(other, {"average": {"a": torch.ones(1)}}, replace(WIDE, width=0.5), Progress())
     with pytest.raises(DataError, match=r"has width 0\.5"):
         training.train(arguments(squares, tmp_path / "run", 5, weights=other))
 

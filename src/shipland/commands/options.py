@@ -87,11 +87,11 @@ class CampaignOptions:
 
 def ship_and_camera_of(scenario: str | None) -> ShipAndCamera:
     """Ship and camera of a scenario's name or TOML file, to draw pictures of; the packaged ones for None."""
-    from shipland.learning.shot import ShipAndCamera
+    from shipland.learning.shot import PACKAGED, ShipAndCamera
     from shipland.scenario.scenario import load_scenario
 
     if scenario is None:
-        return ShipAndCamera.packaged()
+        return PACKAGED
     found = load_scenario(scenario)
     return ShipAndCamera(found.name, found.rig, found.camera)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from shipland.reproduce.names import FigureName
+from shipland.reproduce import FigureName
 
 
 @dataclass(frozen=True)

@@ -89,14 +89,8 @@ class ResidualPilot:
         command = decision.command
         if command.intent not in (Intent.FLY, Intent.LAND):
             return decision
-        pitch, roll, heave, yaw = (self._bound_percent * self.action).tolist()
-        command = replace(
-            command,
-            pitch_percent=command.pitch_percent + pitch,
-            roll_percent=command.roll_percent + roll,
-            heave_percent=command.heave_percent + heave,
-            yaw_percent=command.yaw_percent + yaw,
-        )
+        pitch, roll, heave, yaw = (command.sticks_percent + self._bound_percent * self.action).tolist()
+        command = PilotCommand(command.t_s, pitch, roll, heave, yaw, command.gimbal_pitch_rad, command.intent)
         return replace(decision, command=command)
 
 

@@ -24,15 +24,7 @@ from shipland.errors import ConfigError
 from shipland.factories import Factory
 from shipland.flight import Cycle, FlightResult, cycles, decide_or_degrade
 from shipland.guidance.pilot import PilotSetup
-from shipland.messages import (
-    Decision,
-    Frame,
-    GroundTruth,
-    Observation,
-    PilotCommand,
-    Telemetry,
-    TouchdownVerdict,
-)
+from shipland.messages import Decision, Frame, Observation, PilotCommand, Telemetry
 from shipland.report.views import FlightViews
 from shipland.safety.assurance import Safety
 from shipland.scenario.autonomy import build_autonomy, build_scene, build_vehicle
@@ -48,10 +40,8 @@ class SteppedFlight:
 
     `advance` reads and sees until a command is due, without time passing afterwards; `decide` then asks the pilot, lets
     the safety check its command and sends it. So whoever sets the pilot's action in between sees what the pilot sees,
-    at the same instant.
-
-    Raises:
-        ShiplandError: a wrong name, or no off-screen OpenGL where pictures are drawn.
+    at the same instant. The world of `simulated` tells the truth of now. ShiplandError for a wrong name, or without
+    off-screen OpenGL where pictures are drawn.
     """
 
     def __init__(self, scenario: Scenario, pilot: Factory, vision: str | Factory, seed: int) -> None:
@@ -60,9 +50,9 @@ class SteppedFlight:
             if needs_pictures(factories.resolve("visions", vision)):
                 scene = build_scene(scenario, seed)
                 stack.callback(scene.close)
-            self._simulated = build_vehicle(scenario, seed, scene)
-            autonomy = build_autonomy(scenario, self._simulated, pilot, vision, seed)
-            self._vehicle, self._autonomy = with_faults(scenario, self._simulated, autonomy, seed)
+            self.simulated = build_vehicle(scenario, seed, scene)
+            autonomy = build_autonomy(scenario, self.simulated, pilot, vision, seed)
+            self._vehicle, self._autonomy = with_faults(scenario, self.simulated, autonomy, seed)
             undecided = replace(self._autonomy, pilot=_Undecided(), safety=_Unchecked(self._autonomy.safety))
             self._unsent = _Unsent(self._vehicle)
             flight = cycles(self._unsent, undecided, time.perf_counter)
@@ -83,14 +73,6 @@ class SteppedFlight:
         ahead_s = self._unsent.due_s - cycle.telemetry.t_s  # what the vehicle's clock has leapt
         self._vehicle.send(replace(self.sent, t_s=self.sent.t_s + ahead_s))
         return decision
-
-    def truth(self) -> GroundTruth:
-        """The truth of now."""
-        return self._simulated.world.truth()
-
-    def verdict(self) -> TouchdownVerdict | None:
-        """The touchdown, once there was one."""
-        return self._simulated.verdict()
 
     def close(self) -> None:
         """End the flight; again does nothing."""
@@ -175,15 +157,7 @@ class FlightEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]], Generic[Seen]):
     **Seeds**: `reset(seed=7)` flies the flight that `shipland fly --seed 7` flies; a `reset` without one draws the
     flight's seed from the generator that the last one seeded.
 
-    Args:
-        scenario: a packaged name, the path of a TOML file, a merged table or a scenario.
-        overrides: sections or dotted keys laid over it, as `load_scenario` takes them.
-        vision: `geometric`, `rendered` (drawn pictures through the whole vision), or your own.
-        render_mode: `rgb_array`: `render` gives the flight as it is now, from the side and from above.
-        unknown: arguments that there are not.
-
-    Raises:
-        ShiplandError: one of them is wrong; it says which.
+    **Rendering**: with the `render_mode` `rgb_array`, `render` gives the flight as it is now, from two sides.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 30}  # noqa: RUF012 - as the base class has it
@@ -259,7 +233,7 @@ class FlightEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]], Generic[Seen]):
             result = FlightResult(cycles=self._cycles, t_s=self._now_s)
             if truncated:
                 result.reason = f"time limit of {self.scenario.time_limit_s:g} s"
-            end = Flown(result, flight.verdict())
+            end = Flown(result, flight.simulated.verdict())
             info |= _end_info(end)
             reason = end.reason
             if not truncated:
@@ -299,7 +273,7 @@ class FlightEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]], Generic[Seen]):
                 reason = flight.decide(cycle).reason
                 self._cycles += 1
             self._cycle = cycle = flight.advance()
-            self._truth = flight.truth()
+            self._truth = flight.simulated.world.truth()
             if self._views is not None:
                 self._views.note(self._truth)
             self._distance_m = float(np.linalg.norm(self._truth.aircraft_in_deck_m))
@@ -329,18 +303,14 @@ def one_of(name: str, value: str, known: Sequence[str]) -> None:
 
 
 def _end_info(end: Flown) -> dict[str, Any]:
-    verdict, nan = end.verdict, float("nan")
-    touched = verdict is not None and verdict.touched
-    return {
-        "landed": verdict is not None and verdict.landed,
-        "in_square": verdict is not None and verdict.in_square,
-        "is_success": end.success,
-        "reason": end.reason,
-        "error_m": float(np.hypot(*verdict.touchdown_in_deck_m)) if verdict is not None and touched else nan,
-        "descent_mps": float(verdict.relative_velocity_in_deck_mps[2]) if verdict is not None and touched else nan,
-        "tilt_rad": verdict.tilt_rad if verdict is not None and touched else nan,
-        "slip_m": verdict.slip_m if verdict is not None and touched else nan,
-    }
+    verdict = end.verdict
+    ends = {"landed": False, "in_square": False, "is_success": end.success, "reason": end.reason}
+    if verdict is not None:
+        ends |= {"landed": verdict.landed, "in_square": verdict.in_square}
+    if verdict is None or not verdict.touched:
+        return ends | dict.fromkeys(("error_m", "descent_mps", "tilt_rad", "slip_m"), math.nan)
+    contact = {"error_m": verdict.error_m, "descent_mps": verdict.sink_mps}
+    return ends | contact | {"tilt_rad": verdict.tilt_rad, "slip_m": verdict.slip_m}
 
 
 def _end_reward(end: Flown) -> float:

@@ -32,8 +32,7 @@ def last_phases(
 ) -> list[Callable[[], LastPhaseEnv]]:
     """Functions that make `count` environments, which take the scenarios in turn; arguments as in `scenario_table`.
 
-    Raises:
-        ShiplandError: one of them is wrong; it says which.
+    ShiplandError where one of them is wrong; it says which.
     """
     made = [
         partial(LastPhaseEnv, scenario_table(scenario, changes=changes), action=action, bound_mps2=bound_mps2)

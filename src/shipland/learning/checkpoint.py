@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,9 @@ from shipland.files import json_of, write_atomically
 from shipland.vision.far.decode import DetectorSpec
 
 FORMAT = "shipland-checkpoint-2"
+
+Tensors = dict[str, dict[str, Tensor]]
+"""By the part of a run, such as its network, and by name."""
 
 
 @dataclass
@@ -39,15 +43,19 @@ class Progress:
     run: dict[str, str] = field(default_factory=dict)
 
 
-def write_tensors(path: Path, tensors: dict[str, Tensor], metadata: dict[str, str]) -> None:
-    """Write tensors and text, by name."""
+def write_tensors(path: Path, tensors: Tensors, metadata: dict[str, str]) -> None:
+    """Write tensors, as `part.name`, and text, by name."""
     from safetensors.torch import save
 
-    whole = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in tensors.items()}
+    whole = {
+        f"{part}.{name}": tensor.detach().cpu().contiguous().clone()
+        for part, named in tensors.items()
+        for name, tensor in named.items()
+    }
     write_atomically(path, bytes(save(whole, metadata)))
 
 
-def read_tensors(path: Path, form: str, command: str) -> tuple[dict[str, Tensor], dict[str, str]]:
+def read_tensors(path: Path, form: str, command: str) -> tuple[Tensors, dict[str, str]]:
     """What `write_tensors` wrote with `form` as its format, by `command`; DataError where there is no such file."""
     from safetensors import SafetensorError, safe_open
 
@@ -56,20 +64,23 @@ def read_tensors(path: Path, form: str, command: str) -> tuple[dict[str, Tensor]
             metadata: dict[str, str] = stream.metadata() or {}
             if metadata.get("format") != form:
                 raise DataError(f"checkpoint {path} was not written by this version's `shipland {command}`")
-            tensors = {name: stream.get_tensor(name) for name in stream.keys()}  # noqa: SIM118 - no mapping
+            tensors: Tensors = {}
+            for key in stream.keys():  # noqa: SIM118 - no mapping
+                part, _, name = key.partition(".")
+                tensors.setdefault(part, {})[name] = stream.get_tensor(key)
     except (OSError, SafetensorError) as error:
         reason = "does not exist" if not path.exists() else f"is truncated or no checkpoint ({error})"
         raise DataError(f"checkpoint {path} {reason}") from None
     return tensors, metadata
 
 
-def save_checkpoint(path: Path, tensors: dict[str, Tensor], spec: DetectorSpec, progress: Progress) -> None:
-    """Write tensors by name, the detector's spec and the run's progress."""
+def save_checkpoint(path: Path, tensors: Tensors, spec: DetectorSpec, progress: Progress) -> None:
+    """Write tensors, the detector's spec and the run's progress."""
     metadata = {"format": FORMAT, "spec": spec.to_json(), "progress": json.dumps(asdict(progress))}
     write_tensors(path, tensors, metadata)
 
 
-def load_checkpoint(path: Path) -> tuple[dict[str, Tensor], DetectorSpec, Progress]:
+def load_checkpoint(path: Path) -> tuple[Tensors, DetectorSpec, Progress]:
     """Read what `save_checkpoint` wrote; DataError when it is missing, truncated or another file."""
     tensors, metadata = read_tensors(path, FORMAT, "train")
     try:
@@ -80,15 +91,11 @@ def load_checkpoint(path: Path) -> tuple[dict[str, Tensor], DetectorSpec, Progre
         raise DataError(f"checkpoint {path} is damaged: its progress cannot be read: {error}") from None
 
 
-def prefixed(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    """The same tensors under `prefix.name`."""
-    return {f"{prefix}.{name}": tensor for name, tensor in tensors.items()}
-
-
-def with_prefix(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Those tensors that stand under `prefix.`, by what follows."""
-    start = f"{prefix}."
-    return {name.removeprefix(start): tensor for name, tensor in tensors.items() if name.startswith(start)}
+def check_resumable(last: Path, begun: Mapping[str, str], wanted: Mapping[str, str]) -> None:
+    """DataError where a run was begun with another value than is wanted."""
+    for name, value in wanted.items():
+        if begun.get(name, value) != value:
+            raise DataError(f"{last} was begun with {name} {begun[name]}, not {value}: give that, or another folder")
 
 
 def optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:

@@ -22,7 +22,7 @@ Part = tuple[Array, tuple[float, float, float]]
 """A polygon (n,2) (right, up) [m] from the foot's middle, and its colour BGR, display values 0 … 255."""
 
 SUPERSAMPLING = 6
-_CONTRAST_LEFT = 3.0
+CONTRAST_LEFT = 3.0
 """Koschmieder: ln(1/0.05), visibility at 5 % of contrast."""
 _GREENS_BGR = (
     (60.0, 200.0, 60.0),
@@ -56,22 +56,20 @@ def paint(
     for foot, decoy in sorted(placed, key=lambda item: -item[0][2]):
         if foot[2] < 1.0:
             continue
-        column, row = camera.project(foot[None])[0]
-        scale = camera.focal_px / float(foot[2])
-        left = float(np.exp(-_CONTRAST_LEFT * float(np.linalg.norm(foot)) / visibility_m))
+        foot_px, scale = camera.project(foot[None])[0], camera.focal_px / float(foot[2])
+        left = float(np.exp(-CONTRAST_LEFT * float(np.linalg.norm(foot)) / visibility_m))
         up = camera_from_ned.rotation @ np.array([0.0, 0.0, -1.0])
-        tilt = float(np.arctan2(up[0], -up[1]))
-        place = _Place((float(column), float(row)), scale, tilt, left, air)
+        tilt_rad = np.arctan2(up[0], -up[1])
+        cos, sin = np.cos(tilt_rad), np.sin(tilt_rad)
+        turn = np.array([[cos, sin], [sin, -cos]])  # of (right, up) to (column, row)
+        parts = parts_of(decoy)
         if decoy.kind != "bird":
             rng = np.random.default_rng([decoy.seed, 1])
             strength, stretch = rng.uniform(0.0, 0.6), rng.uniform(0.7, 1.4)
-            _paint_one(light, mirrored(parts_of(decoy), stretch), place, strength)
-        _paint_one(light, parts_of(decoy), place)
-
-
-def mirrored(parts: list[Part], stretch: float) -> list[Part]:
-    """The polygons upside down below the foot, longer by `stretch`."""
-    return [(polygon * [1.0, -stretch], colour) for polygon, colour in parts]
+            mirrored = [(polygon * [1.0, -stretch] @ turn * scale + foot_px, colour) for polygon, colour in parts]
+            _paint_one(light, mirrored, left, air, strength)
+        upright = [(polygon @ turn * scale + foot_px, colour) for polygon, colour in parts]
+        _paint_one(light, upright, left, air, 1.0)
 
 
 def horizon_light(picture: Light16, camera: Camera, ned_from_camera: Pose) -> Array:
@@ -207,24 +205,10 @@ def _green(width_m: float, rng: np.random.Generator) -> list[Part]:
     return parts
 
 
-@dataclass(frozen=True)
-class _Place:
-    """Where and how a decoy is seen: its foot, px a metre, tilt of up, what the air leaves of its contrast, the air."""
-
-    foot_px: tuple[float, float]
-    scale: float
-    tilt_rad: float
-    left: float
-    air: Array
-
-
-def _paint_one(light: Light16, parts: list[Part], place: _Place, strength: float = 1.0) -> None:
-    """Paint polygons; `strength` below 1 makes them a mirror image: fainter, and blurred upright."""
+def _paint_one(light: Light16, parts: list[Part], left: float, air: Array, strength: float) -> None:
+    """Paint polygons [px], whose contrast the air cuts to `left`; below a `strength` of 1 as a blurred mirror image."""
     height, width = light.shape[:2]
-    cos, sin = np.cos(place.tilt_rad), np.sin(place.tilt_rad)
-    turn = np.array([[cos, sin], [sin, -cos]])
-    outlines = [polygon @ turn.T * place.scale + place.foot_px for polygon, _ in parts]
-    everything = np.concatenate(outlines)
+    everything = np.concatenate([outline for outline, _ in parts])
     low = np.floor(everything.min(axis=0)).astype(int) - 1
     high = np.ceil(everything.max(axis=0)).astype(int) + 2
     low, high = np.clip(low, 0, [width, height]), np.clip(high, 0, [width, height])
@@ -233,7 +217,7 @@ def _paint_one(light: Light16, parts: list[Part], place: _Place, strength: float
         return
     fine = SUPERSAMPLING if max(columns, rows) < 200 else 2
     layer = np.zeros((rows * fine, columns * fine, 4), np.uint16)
-    for outline, (_, colour) in zip(outlines, parts, strict=True):
+    for outline, colour in parts:
         # Pixel centres at whole numbers; OpenCV's shift takes 1/16 px.
         points = np.round(16.0 * ((outline + 0.5 - low) * fine - 0.5)).astype(np.int32)
         cv2.fillPoly(layer, [points], (*_light_of(colour), 65535.0), cv2.LINE_8, 4)
@@ -241,7 +225,7 @@ def _paint_one(light: Light16, parts: list[Part], place: _Place, strength: float
     if strength < 1.0:
         small = strength * cv2.GaussianBlur(small, (0, 0), sigmaX=0.5, sigmaY=max(0.12 * rows, 0.5))
     cover = small[..., 3:] / 65535.0
-    paint_bgr = small[..., :3] * place.left + cover * place.air * (1.0 - place.left)
+    paint_bgr = small[..., :3] * left + cover * air * (1.0 - left)
     area = light[low[1] : high[1], low[0] : high[0]]
     area[:] = np.clip(area * (1.0 - cover) + paint_bgr + 0.5, 0, 65535).astype(np.uint16)
 

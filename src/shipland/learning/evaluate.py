@@ -16,7 +16,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from shipland.camera import Camera
 from shipland.config import build, key, parameters, require
@@ -28,7 +27,7 @@ from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.looks import LEAST_CONFIDENCE, Look, edges_of, looks_at
 from shipland.learning.metrics import COCO_IOUS, Tally
 from shipland.learning.ranges import BoxRow, RangeBin, RangeTable, SceneRecord, SureBox, markdown, range_table, summary
-from shipland.learning.shot import ShipAndCamera, Shot
+from shipland.learning.shot import PACKAGED, ShipAndCamera, Shot
 from shipland.learning.shots import Span, SynthParameters, draw_scene, draw_shot
 from shipland.learning.synth import FRAME_S, compressed, draw, in_workers, jpeg_quality, synth_parameters
 from shipland.messages import Box, Frame, GimbalAttitude
@@ -40,8 +39,8 @@ from shipland.vision.far.decode import iou
 from shipland.vision.far.detector import Detector
 from shipland.vision.far.far import FarVision
 from shipland.vision.parameters import DetectorParameters, detector_parameters, learning_table
+from shipland.vision.pictures import Picture
 
-Picture = npt.NDArray[np.uint8]
 BAROMETER_M = 0.7
 """Error of the camera's height, of one scene: drift, and a take-off point above the water. Chosen."""
 _LEAST_SEEN = 0.01
@@ -108,11 +107,10 @@ class Evaluation:
         return "\n\n".join(parts) + "\n"
 
 
-def evaluate(arguments: EvaluateArguments, drawn: ShipAndCamera | None = None) -> Evaluation:
+def evaluate(arguments: EvaluateArguments, drawn: ShipAndCamera = PACKAGED) -> Evaluation:
     """Measure; leaves `evaluation.json`, `table.md`, with ranges `recall.png`, and for fresh scenes `scenes.jsonl`.
 
-    Raises:
-        DataError, ConfigError: set or weights cannot be used, the folder holds another run, or a setting is wrong.
+    DataError or ConfigError where set or weights cannot be used, the folder holds another run, or a setting is wrong.
     """
     settings = detector_parameters(arguments.config)
     settings = replace(settings, runtime=arguments.runtime, precision=arguments.precision, threads=arguments.threads)
@@ -122,12 +120,11 @@ def evaluate(arguments: EvaluateArguments, drawn: ShipAndCamera | None = None) -
     looks: tuple[Look, ...] = ()
     if arguments.data is not None:
         dataset = read_dataset(arguments.data, arguments.classes)
-        detector = _detector_of_set(arguments, settings, dataset)
+        detector = _detector(arguments, settings, dataset)
         looks = tuple(looks_at(detector, dataset, [tally, *strict]))
         found = [_record(number, look) for number, look in enumerate(looks)]
         records = [record for record in found if record is not None]
     else:
-        drawn = ShipAndCamera.packaged() if drawn is None else drawn
         detector = _detector(arguments, settings)
         records = list(fresh_records(arguments, parameters, drawn, detector, settings))
         for each in (tally, *strict):
@@ -177,19 +174,12 @@ def _tables(
     return {name: range_table(part, edges, confidence, parameters.match_iou) for name, part in parts.items() if part}
 
 
-def _weights(arguments: EvaluateArguments, settings: DetectorParameters) -> str:
-    return arguments.weights or (settings.ship_weights if arguments.kind == "ship" else settings.bar_weights)
-
-
-def _detector(arguments: EvaluateArguments, settings: DetectorParameters) -> Detector:
-    """As it flies."""
-    kind = settings.ship_class if arguments.kind == "ship" else settings.bar_class
-    return Detector.load(_weights(arguments, settings), settings, (kind,))
-
-
-def _detector_of_set(arguments: EvaluateArguments, settings: DetectorParameters, dataset: Dataset) -> Detector:
-    """Looks for the set's classes: by number where it has as many, else by name."""
-    weights = _weights(arguments, settings)
+def _detector(arguments: EvaluateArguments, settings: DetectorParameters, dataset: Dataset | None = None) -> Detector:
+    """As it flies; or one that looks for a set's classes, by number where it has as many, else by name."""
+    ship = arguments.kind == "ship"
+    weights = arguments.weights or (settings.ship_weights if ship else settings.bar_weights)
+    if dataset is None:
+        return Detector.load(weights, settings, (settings.ship_class if ship else settings.bar_class,))
     detector = Detector.load(weights, settings)
     if len(detector.kinds) == len(dataset.classes):
         return detector
@@ -241,11 +231,11 @@ def fresh_records(
     yield from made.values()
     missing = [number for number in range(arguments.count) if number not in made]
     synth = fresh_scenes(parameters, arguments.config)
-    blocks = [list(block) for _, block in itertools.groupby(missing, lambda n: n // synth.pictures_per_scene)]
     own = None if arguments.workers > 1 else detector
     work = partial(look_at_scenes, arguments=arguments, synth=synth, drawn=drawn, settings=settings, detector=own)
     with (arguments.out / "scenes.jsonl").open("a", encoding="utf-8") as stream:
-        looks = itertools.chain.from_iterable(in_workers(work, blocks, arguments.workers, None))
+        made_now = in_workers(work, missing, synth.pictures_per_scene, arguments.workers)
+        looks = itertools.chain.from_iterable(made_now)
         for record in followed(looks, f"{arguments.kind} scenes", arguments.count, len(made)):
             stream.write(record.to_json() + "\n")
             stream.flush()

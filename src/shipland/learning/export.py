@@ -30,7 +30,7 @@ from shipland.learning.yolov3 import (
     Route,
     Shortcut,
     Upsample,
-    input_channels,
+    convolutions,
 )
 from shipland.vision.far.decode import DetectorSpec
 from shipland.vision.far.runtime import INPUT_NAME, METADATA_KEY
@@ -47,7 +47,7 @@ def onnx_bytes(layers: Sequence[Layer], weights: Sequence[ConvWeights], spec: De
     constants: list[Any] = []
     outputs: dict[int, str] = {}
     names: list[str] = []
-    value, remaining, first = INPUT_NAME, iter(weights), True
+    value, remaining = INPUT_NAME, iter(weights)
 
     def constant(name: str, numbers: npt.NDArray[np.float32]) -> str:
         if not half:
@@ -63,37 +63,23 @@ def onnx_bytes(layers: Sequence[Layer], weights: Sequence[ConvWeights], spec: De
         match layer:
             case Conv(_, size, stride, normalised):
                 kernel, bias = next(remaining).folded()
-                if first:
+                if index == 0:
                     kernel = kernel * np.float32(1.0 / 255.0)
-                    first = False
                 pair = [constant(f"{name}_kernel", kernel), constant(f"{name}_bias", bias)]
                 raw = f"{name}_raw" if normalised else name
-                pads = [size // 2] * 4
-                nodes.append(
-                    helper.make_node(
-                        "Conv", [value, *pair], [raw], raw, kernel_shape=[size, size], pads=pads, strides=[stride] * 2
-                    )
-                )
+                shape = {"kernel_shape": [size, size], "pads": [size // 2] * 4, "strides": [stride] * 2}
+                nodes.append(helper.make_node("Conv", [value, *pair], [raw], raw, **shape))
                 if normalised:
                     nodes.append(helper.make_node("LeakyRelu", [raw], [name], name, alpha=LEAKY_SLOPE))
             case Shortcut(back):
                 nodes.append(helper.make_node("Add", [value, names[index - back]], [name], name))
             case Route(sources):
                 inputs = [names[source] for source in sources]
-                operation = ("Concat", {"axis": 1}) if len(inputs) > 1 else ("Identity", {})
-                nodes.append(helper.make_node(operation[0], inputs, [name], name, **operation[1]))
+                operation, options = ("Concat", {"axis": 1}) if len(inputs) > 1 else ("Identity", {})
+                nodes.append(helper.make_node(operation, inputs, [name], name, **options))
             case Upsample():
-                nodes.append(
-                    helper.make_node(
-                        "Resize",
-                        [value, "", "doubling"],
-                        [name],
-                        name,
-                        mode="nearest",
-                        nearest_mode="floor",
-                        coordinate_transformation_mode="asymmetric",
-                    )
-                )
+                nearest = {"mode": "nearest", "nearest_mode": "floor", "coordinate_transformation_mode": "asymmetric"}
+                nodes.append(helper.make_node("Resize", [value, "", "doubling"], [name], name, **nearest))
             case Head(scale):
                 outputs[scale] = f"scale{scale}"
                 nodes.append(helper.make_node("Identity", [value], [outputs[scale]]))
@@ -143,19 +129,16 @@ def read_onnx(path: Path, layers: Sequence[Layer]) -> tuple[list[ConvWeights], D
         raise DataError(f"{path} is no shipland detector: it lacks the metadata {METADATA_KEY!r}")
     numbers = {item.name.removesuffix("_half"): onnx.numpy_helper.to_array(item) for item in model.graph.initializer}
     weights: list[ConvWeights] = []
-    entering = input_channels(layers)
-    for index, layer in enumerate(layers):
-        if not isinstance(layer, Conv):
-            continue
+    for index, (conv, entering) in convolutions(layers).items():
         kernel, bias = (numbers.get(f"l{index}_{part}") for part in ("kernel", "bias"))
-        wanted = (layer.filters, entering[index], layer.size, layer.size)
+        wanted = (conv.filters, entering, conv.size, conv.size)
         if kernel is None or bias is None or kernel.shape != wanted:
             raise DataError(f"{path}: layer {index} is no convolution of {wanted}; is it of another width, or 8-bit?")
         kernel, bias = kernel.astype(np.float32), bias.astype(np.float32)
         if not weights:
             kernel = kernel * np.float32(255.0)
-        ones = np.ones(layer.filters, np.float32)
-        norm = (ones, 0.0 * ones, ones - np.float32(NORM_EPSILON)) if layer.normalised else (None, None, None)
+        ones = np.ones(conv.filters, np.float32)
+        norm = (ones, 0.0 * ones, ones - np.float32(NORM_EPSILON)) if conv.normalised else (None, None, None)
         weights.append(ConvWeights(kernel, bias, *norm))
     return weights, DetectorSpec.from_json(text, str(path))
 
@@ -183,7 +166,9 @@ def write_int8(
 
         def get_next(self) -> dict[str, npt.NDArray[np.float32]] | None:
             picture = next(self.pictures, None)
-            return None if picture is None else {INPUT_NAME: planes(picture)}
+            if picture is None:
+                return None
+            return {INPUT_NAME: np.ascontiguousarray(picture.transpose(2, 0, 1)[None], dtype=np.float32)}
 
     with tempfile.TemporaryDirectory() as folder:
         full, small = Path(folder) / "full.onnx", Path(folder) / "int8.onnx"
@@ -209,11 +194,6 @@ def write_int8(
         model = onnx.load(str(small))
         onnx.helper.set_model_props(model, {METADATA_KEY: spec.to_json()})
         write_with_digest(path, bytes(model.SerializeToString()))
-
-
-def planes(picture: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
-    """(h,w,3) 0 … 255 as the graph's input (1,3,h,w)."""
-    return np.ascontiguousarray(picture.transpose(2, 0, 1)[None], dtype=np.float32)
 
 
 def _onnx() -> Any:  # noqa: ANN401 - the module

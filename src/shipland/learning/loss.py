@@ -142,7 +142,10 @@ def detection_loss(
             goal[work.picture, work.anchor, work.row, work.column] = 1.0
             care[work.picture, work.anchor, work.row, work.column] = 1.0
             hits += len(work.row)
-        object_loss = object_loss + (focal_loss(cells[..., 4], goal, parameters.focal_power) * care).sum()
+        logit = cells[..., 4]
+        focal = (logit.sigmoid() - goal).abs().pow(parameters.focal_power)  # less where the answer is already right
+        entropy = functional.binary_cross_entropy_with_logits(logit, goal, reduction="none")
+        object_loss = object_loss + (entropy * focal * care).sum()
     # A batch of empty pictures must not be divided by next to nothing.
     answered = float(max(hits, batch))
     parts = torch.stack([box_loss, object_loss, kind_loss]) / answered
@@ -150,28 +153,19 @@ def detection_loss(
     return (parts * weights).sum(), parts.detach()
 
 
-def focal_loss(logit: Tensor, goal: Tensor, power: float) -> Tensor:
-    """Cross-entropy, weighted down where the answer is already right."""
-    plain = functional.binary_cross_entropy_with_logits(logit, goal, reduction="none")
-    if power == 0.0:
-        return plain
-    return plain * (logit.sigmoid() - goal).abs().pow(power)
-
-
 def _care(cells: Tensor, targets: Tensor, spec: DetectorSpec, scale: int, ignore_iou: float) -> Tensor:
     """(n,3,rows,columns): 0 where a cell without a target is not punished, else 1."""
     batch, _, rows, columns, _ = cells.shape
     care = torch.ones_like(cells[..., 4])
+    if not len(targets):
+        return care
     stride = STRIDES[scale]
     across, down = (torch.arange(count, device=cells.device) for count in (columns, rows))
     grid = torch.stack(torch.meshgrid(across, down, indexing="xy"), -1).float()
     anchors = torch.tensor(spec.anchors_px[scale], dtype=torch.float32, device=cells.device)[:, None, None, :]
-    table = _by_picture(targets, batch)
-    if table is None:
-        return care
     boxes = decoded_boxes(cells[..., :4], grid, anchors, stride, spec.decoding)
     # Unasked boxes are wiped out to a cell beyond their edge, whatever the cell answers.
-    for mine in table.unbind(1):  # (n,5): one target of each picture, if it has so many
+    for mine in _by_picture(targets, batch).unbind(1):  # (n,5): one target of each picture, if it has so many
         there = mine[:, None, None, None, :]
         offset = ((grid + 0.5) * stride)[None, None] - there[..., 1:3]
         near = (offset.abs() <= there[..., 3:5] / 2 + stride).all(-1) & (there[..., 0] < 0.0)
@@ -180,10 +174,8 @@ def _care(cells: Tensor, targets: Tensor, spec: DetectorSpec, scale: int, ignore
     return care
 
 
-def _by_picture(targets: Tensor, batch: int) -> Tensor | None:
-    """(batch,k,5) rows (class, centre, size) of each picture, filled up with zeros; None without targets."""
-    if not len(targets):
-        return None
+def _by_picture(targets: Tensor, batch: int) -> Tensor:
+    """(batch,k,5) rows (class, centre, size) of each picture, filled up with zeros."""
     picture = targets[:, 0].long()
     order = picture.argsort(stable=True)
     counts = torch.bincount(picture, minlength=batch)

@@ -18,7 +18,7 @@ from shipland.learning.yolov3 import (
     Route,
     Shortcut,
     Upsample,
-    input_channels,
+    convolutions,
 )
 
 PRIOR_CONFIDENCE = 0.01
@@ -34,10 +34,7 @@ class Network(nn.Module):
         self.kept = {source for layer in layers if isinstance(layer, Route) for source in layer.sources} | {
             index - layer.back for index, layer in enumerate(layers) if isinstance(layer, Shortcut)
         }
-        self.convs = nn.ModuleList()
-        for layer, entering in zip(layers, input_channels(layers), strict=True):
-            if isinstance(layer, Conv):
-                self.convs.append(_conv(layer, entering))
+        self.convs = nn.ModuleList(_conv(conv, entering) for conv, entering in convolutions(layers).values())
 
     def forward(self, pictures: Tensor) -> list[Tensor]:
         """Raw maps [(n, 3·(5 + classes), h/8, w/8), …/16, …/32]."""

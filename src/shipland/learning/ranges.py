@@ -266,14 +266,6 @@ def markdown(table: RangeTable) -> str:
             f"{_number(item.centre_px, '.2f')} / {_number(item.centre_95_px, '.2f')} | "
             f"{_number(100.0 * item.area_bias, '+.0f')} ± {_number(100.0 * item.area_std, '.0f')} % |"
         )
-    lines += [
-        "",
-        f"{table.scenes} scenes, {table.empty} of them without the target in sight; average precision "
-        f"{table.average_precision:.3f}; {1000.0 * table.false_per_frame:.1f} false boxes in 1,000 single frames; "
-        f"{_number(table.false_believed_per_1000, '.2f')} in 1,000 frames after confirmation ({table.frames} frames). "
-        f"Recall {_number(table.recall, '.3f')}, confirmed {_number(table.confirmed, '.3f')}. "
-        f"99 % of single frames to {table.range_99_m:g} m, 50 % to {table.range_50_m:g} m.",
-    ]
     return "\n".join(lines)
 
 

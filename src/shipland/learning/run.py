@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import math
 import time
 from collections.abc import Iterable, Iterator
@@ -16,7 +17,7 @@ import torch
 from torch import Tensor
 
 from shipland.errors import DataError
-from shipland.learning.checkpoint import Progress, optimizer_tensors, prefixed, save_checkpoint
+from shipland.learning.checkpoint import Progress, optimizer_tensors, save_checkpoint
 from shipland.learning.dataset import Dataset, Targets
 from shipland.learning.looks import LEAST_CONFIDENCE
 from shipland.learning.loss import detection_loss
@@ -51,11 +52,8 @@ class Run:
 
     def save(self, path: Path) -> None:
         """Everything needed to go on."""
-        tensors = {
-            **prefixed("network", self.network.state_dict()),
-            **prefixed("average", self.average.state_dict()),
-            **prefixed("optimizer", optimizer_tensors(self.optimizer)),
-        }
+        tensors = {"network": self.network.state_dict(), "average": self.average.state_dict()}
+        tensors["optimizer"] = optimizer_tensors(self.optimizer)
         save_checkpoint(path, tensors, self.spec, self.progress)
 
     def maps_of(self, pictures: list[Picture], bf16: bool) -> list[list[Float32]]:
@@ -157,22 +155,12 @@ def look(
     run: Run, parameters: TrainParameters, pictures: Iterable[tuple[Picture, Targets]]
 ) -> Iterator[tuple[Float32, Float32, Targets]]:
     """Boxes (n,4), their confidences (n,) and the targets of pictures, in order; those of one size go in batches."""
-
-    def flush() -> Iterator[tuple[Float32, Float32, Targets]]:
-        found = run.maps_of([padded(picture) for picture, _ in waiting], parameters.bf16)
-        for maps, (_, targets) in zip(found, waiting, strict=True):
-            boxes, scores, _ = suppress(*decode(maps, run.spec, LEAST_CONFIDENCE), MAX_IOU, merge=True)
-            yield boxes, scores, targets
-
-    waiting: list[tuple[Picture, Targets]] = []
-    for picture, targets in pictures:
-        full = (len(waiting) + 1) * picture[..., 0].size > LOOK_PIXELS
-        if waiting and (full or waiting[0][0].shape != picture.shape):
-            yield from flush()
-            waiting = []
-        waiting.append((picture, targets))
-    if waiting:
-        yield from flush()
+    for (height, width, _), same in itertools.groupby(pictures, lambda pair: pair[0].shape):
+        while batch := list(itertools.islice(same, max(LOOK_PIXELS // (height * width), 1))):
+            found = run.maps_of([padded(picture) for picture, _ in batch], parameters.bf16)
+            for maps, (_, targets) in zip(found, batch, strict=True):
+                boxes, scores, _ = suppress(*decode(maps, run.spec, LEAST_CONFIDENCE), MAX_IOU, merge=True)
+                yield boxes, scores, targets
 
 
 def mine(

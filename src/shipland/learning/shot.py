@@ -22,14 +22,12 @@ class ShipAndCamera:
     rig: Rig
     camera: CameraParameters
 
-    @staticmethod
-    def packaged() -> ShipAndCamera:
-        """The rig and the camera of the packaged configuration."""
-        return ShipAndCamera(None, Rig(), CameraParameters())
-
     def note(self) -> dict[str, object]:
         """What a folder's note tells of it, so that two ships are not mixed in one; nothing of the packaged ones."""
         return {} if self.name is None else {"scenario": self.name}
+
+
+PACKAGED = ShipAndCamera(None, Rig(), CameraParameters())
 
 
 @dataclass(frozen=True)

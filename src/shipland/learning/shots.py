@@ -9,16 +9,16 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.config import key, parameters, require
-from shipland.frames import Array
-from shipland.learning.decoys import Decoy, DecoyKind, foot_box_px
+from shipland.frames import Pose
+from shipland.learning.decoys import CONTRAST_LEFT, Decoy, DecoyKind, foot_box_px
 from shipland.learning.sensor import ImageSensorParameters
 from shipland.learning.shot import Shot
 from shipland.rig import Rig
 from shipland.sim.scene_parameters import SceneParameters
+from shipland.sim.ship.deck_motion import rig_limits
 from shipland.sim.state import target_box
 
 Span = tuple[float, float]
-_CONTRAST_LEFT = 3.0
 _AWAY_M = 5000.0
 
 
@@ -127,7 +127,7 @@ def draw_shot(
     rng = np.random.default_rng([seed, number, 1])
     empty = bool(rng.random() < parameters.empty_share)
     span = parameters.ship_range_m if kind == "ship" else parameters.bar_range_m
-    clearest_m = scene.visibility_m * -np.log(max(parameters.least_contrast, 1e-6)) / _CONTRAST_LEFT
+    clearest_m = scene.visibility_m * -np.log(max(parameters.least_contrast, 1e-6)) / CONTRAST_LEFT
     span = (span[0], max(min(span[1], clearest_m), 1.2 * span[0]))
     range_m = float(rng.uniform(*span)) if rng.random() < parameters.uniform_share else _log_uniform(span, rng)
     steepest_m = range_m * np.sin(np.radians(parameters.steepest_deg))
@@ -140,7 +140,8 @@ def draw_shot(
     target_up_m = rig.bar_height_m if kind == "bar" else 0.5 * rig.superstructure_height_m
     ship_heading = float(rng.uniform(-np.pi, np.pi))
     ship_position = np.array([0.0, 0.0, -rig.deck_height_m])
-    target = ship_position + _turned(rig.bar_in_ship_m if kind == "bar" else np.zeros(3), ship_heading)
+    ned_from_ship = Pose.from_euler(ship_position, 0.0, 0.0, ship_heading)
+    target = ned_from_ship.apply(rig.bar_in_ship_m) if kind == "bar" else ship_position
     bearing = ship_heading + np.pi - np.radians(aspect_deg)
     ground_m = float(np.sqrt(max(range_m**2 - (height_m - target_up_m) ** 2, 0.25)))
     eye = np.array([target[0] + ground_m * np.cos(bearing), target[1] + ground_m * np.sin(bearing), -height_m])
@@ -151,16 +152,10 @@ def draw_shot(
     pitch = -depression + np.arctan((row - camera.matrix[1, 2]) / camera.matrix[1, 1])
     course = ship_heading + np.radians(rng.normal(0.0, 3.0))
     ship_velocity = rng.uniform(0.0, parameters.ship_speed_mps) * np.array([np.cos(course), np.sin(course), 0.0])
-    velocity = np.append(
-        rng.uniform(-parameters.speed_mps, parameters.speed_mps, 2),
-        rng.uniform(-parameters.climb_mps, parameters.climb_mps),
-    )
+    fastest_mps = np.array([parameters.speed_mps, parameters.speed_mps, parameters.climb_mps])
+    velocity = rng.uniform(-fastest_mps, fastest_mps)
     if empty:
-        ship_position = ship_position + max(_AWAY_M, 3.0 * range_m) * np.append(
-            -np.array([np.cos(heading), np.sin(heading)]), 0.0
-        )
-    limits = np.array([rig.surge_limit_m, rig.sway_limit_m, rig.heave_limit_m])
-    turns = np.radians([rig.roll_limit_deg, rig.pitch_limit_deg, rig.yaw_limit_deg])
+        ship_position = ship_position - max(_AWAY_M, 3.0 * range_m) * np.array([np.cos(heading), np.sin(heading), 0.0])
     shot = Shot(
         number=number,
         kind=kind,
@@ -177,7 +172,7 @@ def draw_shot(
         ship_position_in_ned_m=ship_position,
         ship_velocity_in_ned_mps=ship_velocity,
         ship_heading_rad=ship_heading,
-        deck_amplitude=0.8 * rng.random() * np.append(limits, turns) * rng.random(6),
+        deck_amplitude=0.8 * rng.random() * rig_limits(rig) * rng.random(6),
         deck_phase_rad=rng.uniform(0.0, 2.0 * np.pi, 6),
         t0_s=float(rng.uniform(0.0, 600.0)),
         decoys=(),
@@ -188,11 +183,6 @@ def draw_shot(
 
 def _log_uniform(span: Span, rng: np.random.Generator) -> float:
     return float(np.exp(rng.uniform(np.log(span[0]), np.log(span[1]))))
-
-
-def _turned(vector: Array, heading_rad: float) -> Array:
-    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
-    return np.array([cos * vector[0] - sin * vector[1], sin * vector[0] + cos * vector[1], vector[2]])
 
 
 def _place_in_picture(camera: Camera, edge_px: float, rng: np.random.Generator) -> Span:

@@ -27,7 +27,7 @@ from shipland.learning.arguments import SynthArguments
 from shipland.learning.dataset import coco_table, read_dataset
 from shipland.learning.decoys import foot_box_px, paint
 from shipland.learning.sensor import degrade
-from shipland.learning.shot import ShipAndCamera, Shot
+from shipland.learning.shot import PACKAGED, ShipAndCamera, Shot
 from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
 from shipland.progress import followed
 from shipland.rig import Rig
@@ -47,17 +47,16 @@ def synth_parameters(config: Path | None) -> SynthParameters:
     return build(SynthParameters, learning_table("synth", config), "synth")
 
 
-def synth(arguments: SynthArguments, drawn: ShipAndCamera | None = None) -> Path:
+def synth(arguments: SynthArguments, drawn: ShipAndCamera = PACKAGED) -> Path:
     """Make the set, of the packaged ship unless another is given; its folder. DataError where it holds another set."""
-    drawn = ShipAndCamera.packaged() if drawn is None else drawn
     parameters = synth_parameters(arguments.config)
     count = DEFAULT_COUNTS[arguments.kind] if arguments.count is None else arguments.count
     out = arguments.out
     _claim(out, arguments, drawn)
     names = [_name(arguments, number) for number in range(count)]
     missing = [number for number, name in enumerate(names) if not _whole(out, name)]
-    blocks = [list(block) for _, block in itertools.groupby(missing, lambda n: n // parameters.pictures_per_scene)]
-    made = in_workers(partial(make_files, arguments, parameters, drawn), blocks, arguments.workers, arguments.minutes)
+    work, block = partial(make_files, arguments, parameters, drawn), parameters.pictures_per_scene
+    made = in_workers(work, missing, block, arguments.workers, arguments.minutes)
     for _ in followed(itertools.chain.from_iterable(made), f"{arguments.kind} pictures", count, count - len(missing)):
         pass
     descriptions = [out / "scenes" / f"{name}.json" for name in names]
@@ -69,9 +68,10 @@ def synth(arguments: SynthArguments, drawn: ShipAndCamera | None = None) -> Path
 
 
 def in_workers(
-    make: Callable[[list[int]], T], blocks: Sequence[list[int]], workers: int, minutes: float | None
+    make: Callable[[list[int]], T], numbers: Sequence[int], block: int, workers: int, minutes: float | None = None
 ) -> Iterator[T]:
-    """What `make` gives for each block, in any order, from so many processes; no new block once the time is up."""
+    """What `make` gives for each `block` of numbers, in any order, from so many processes; nothing new out of time."""
+    blocks = [list(same) for _, same in itertools.groupby(numbers, lambda number: number // block)]
     end_s = math.inf if minutes is None else time.monotonic() + 60.0 * minutes
     in_time = itertools.takewhile(lambda _: time.monotonic() < end_s, blocks)
     if workers == 1:

@@ -21,11 +21,10 @@ from shipland.errors import DataError
 from shipland.learning.arguments import TrainArguments
 from shipland.learning.checkpoint import (
     Progress,
+    check_resumable,
     load_checkpoint,
-    prefixed,
     restore_optimizer,
     save_checkpoint,
-    with_prefix,
 )
 from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.export import read_onnx
@@ -85,9 +84,8 @@ def train(arguments: TrainArguments) -> Trained:
         run.save(best)
     tensors, spec, progress = load_checkpoint(best)
     network = _network(spec)
-    average = with_prefix("average", tensors)
-    network.load_state_dict(average)
-    save_checkpoint(arguments.out / AVERAGE, prefixed("average", average), spec, Progress(run=progress.run))
+    network.load_state_dict(tensors["average"])
+    save_checkpoint(arguments.out / AVERAGE, {"average": tensors["average"]}, spec, Progress(run=progress.run))
     trained = Trained(arguments, parameters, network, spec, progress, parts)
     write_results(trained)
     return trained
@@ -140,26 +138,20 @@ def _start(arguments: TrainArguments, parameters: TrainParameters, fitting: Data
         raise DataError(f"{last} is there already: give --resume to go on with it, or another folder")
     if arguments.resume:
         tensors, spec, progress = load_checkpoint(last)
-        for name, value in _identity(arguments).items():
-            if progress.run.get(name, value) != value:
-                raise DataError(
-                    f"{last} was begun with {name} {progress.run[name]}, not {value}: "
-                    "resume with the same, or choose another folder"
-                )
+        check_resumable(last, progress.run, _identity(arguments))
     else:
         tensors, progress = {}, Progress(run=_identity(arguments))
         spec = _spec(arguments, parameters, fitting)
         if arguments.weights is not None:
             state, spec = _initial(arguments.weights, spec)
-            tensors = prefixed("network", state)
+            tensors["network"] = state
     network, average = _network(spec).to(device), _network(spec).to(device)
     if tensors:
-        network.load_state_dict(with_prefix("network", tensors))
-    average.load_state_dict(with_prefix("average", tensors) or network.state_dict())
+        network.load_state_dict(tensors["network"])
+    average.load_state_dict(tensors.get("average") or network.state_dict())
     optimizer = torch.optim.AdamW(_groups(network, parameters.weight_decay), lr=parameters.learning_rate, fused=True)
-    state = with_prefix("optimizer", tensors)
-    if state:
-        restore_optimizer(optimizer, state)
+    if "optimizer" in tensors:
+        restore_optimizer(optimizer, tensors["optimizer"])
     return Run(network, average.eval(), optimizer, spec, progress, device)
 
 
@@ -200,7 +192,7 @@ def _initial(path: Path, spec: DetectorSpec) -> tuple[dict[str, Tensor], Detecto
         tensors, other, _ = load_checkpoint(path)
         if (other.width, len(other.classes)) != (spec.width, len(spec.classes)):
             raise DataError(f"checkpoint {path} has width {other.width:g} and {len(other.classes)} classes")
-        network.load_state_dict(with_prefix("average", tensors))
+        network.load_state_dict(tensors["average"])
     return dict(network.state_dict()), replace(spec, anchors_px=other.anchors_px, decoding=other.decoding)
 
 

@@ -136,15 +136,8 @@ class Windows:
         grid = 2.0 * place / patch - 1.0
         full = torch.stack([grid[:, 0, None, :].expand(-1, side, -1), grid[:, 1, :, None].expand(-1, -1, side)], dim=-1)
         windows = functional.grid_sample(cut, full, mode="bilinear", padding_mode="border", align_corners=False)
-        moved = torch.cat(
-            [
-                boxes[..., :1],
-                scale[:, None] * boxes[..., 1:3] - corner[:, None],
-                scale[:, None] * boxes[..., 3:5],
-                (scale[:, None] * boxes[..., 3:5]).prod(-1, keepdim=True),
-            ],
-            -1,
-        )
+        middle, sides = scale[:, None] * boxes[..., 1:3] - corner[:, None], scale[:, None] * boxes[..., 3:5]
+        moved = torch.cat([boxes[..., :1], middle, sides, sides.prod(-1, keepdim=True)], -1)
         return windows, _clipped(moved, torch.zeros(2, device=self.device), size.new_full((2,), float(side)))
 
     def _mosaic(self, batch: Tensor, boxes: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:
@@ -154,11 +147,11 @@ class Windows:
         if not bool(chosen.any()):
             return batch, boxes
         point = ((0.3 + 0.4 * torch.rand((count, 2), generator=generator, device=self.device)) * side).round()
-        point = torch.where(chosen[:, None], point, torch.full_like(point, float(side)))  # one quarter fills the rest
+        whole = torch.full_like(point, float(side))
+        point = torch.where(chosen[:, None], point, whole)  # one quarter fills the rest
         steps = torch.arange(side, device=self.device, dtype=torch.float32)
         right = (steps[None] >= point[:, :1])[:, None, None, :]
         below = (steps[None] >= point[:, 1:])[:, None, :, None]
-        whole = torch.full_like(point, float(side))
         result, tables = batch, []
         for quarter, (to_right, to_below) in enumerate(((False, False), (True, False), (False, True), (True, True))):
             order = torch.randperm(count, generator=generator, device=self.device) if quarter else None

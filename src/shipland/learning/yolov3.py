@@ -6,22 +6,21 @@ below is what the torch network, the Darknet `.cfg` and `.weights`, the ONNX gra
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from shipland.errors import DataError
+from shipland.vision.far.decode import STRIDES, Float32
 
-Float32 = npt.NDArray[np.float32]
 Shape = tuple[int, int, int]
 """Channels, rows, columns."""
 
 LEAKY_SLOPE = 0.1  # [YOLOv3]: Darknet's leaky rectifier
 NORM_EPSILON = 1e-6  # Darknet's batch normalisation
-STRIDES = (8, 16, 32)
 PUBLISHED_ANCHORS_PX = (
     ((10.0, 13.0), (16.0, 30.0), (33.0, 23.0)),
     ((30.0, 61.0), (62.0, 45.0), (59.0, 119.0)),
@@ -93,15 +92,10 @@ class ConvWeights:
         return self.kernel * factor[:, None, None, None], self.bias - self.mean * factor
 
 
-def scaled_filters(filters: int, width: float) -> int:
-    """`filters` times the width factor, in whole eights, at least eight."""
-    return max(8, 8 * round(filters * width / 8))
-
-
 def yolov3_layers(classes: int, width: float = 1.0) -> list[Layer]:
     """The 107 layers of [YOLOv3] in Darknet's order, so that a layer's index is Darknet's.
 
-    `width` is a factor on every hidden layer's filters; 1.0 is the published network.
+    `width` is a factor on every hidden layer's filters, which come in whole eights; 1.0 is the published network.
     """
     if classes < 1 or width <= 0.0:
         raise ValueError(f"yolov3_layers wants classes ≥ 1 and width > 0, got {classes} and {width}")
@@ -109,7 +103,7 @@ def yolov3_layers(classes: int, width: float = 1.0) -> list[Layer]:
     layers: list[Layer] = []
 
     def conv(filters: int, size: int, stride: int = 1) -> None:
-        layers.append(Conv(scaled_filters(filters, width), size, stride))
+        layers.append(Conv(max(8, 8 * round(filters * width / 8)), size, stride))
 
     conv(32, 3)
     for filters, blocks in ((64, 1), (128, 2), (256, 8), (512, 8), (1024, 4)):
@@ -134,12 +128,12 @@ def yolov3_layers(classes: int, width: float = 1.0) -> list[Layer]:
     return layers
 
 
-def layer_shapes(layers: Sequence[Layer], height_px: int, width_px: int, channels: int = 3) -> list[Shape]:
+def layer_shapes(layers: Sequence[Layer], height_px: int, width_px: int) -> list[Shape]:
     """Output shape of every layer for a picture of `height_px` × `width_px`, both multiples of 32."""
     if height_px % STRIDES[-1] or width_px % STRIDES[-1]:
         raise ValueError(f"the picture's sides must be multiples of {STRIDES[-1]}, got {height_px} × {width_px}")
     shapes: list[Shape] = []
-    c, h, w = channels, height_px, width_px
+    c, h, w = 3, height_px, width_px
     for layer in layers:
         if isinstance(layer, Conv):
             c, h, w = layer.filters, h // layer.stride, w // layer.stride
@@ -152,29 +146,32 @@ def layer_shapes(layers: Sequence[Layer], height_px: int, width_px: int, channel
     return shapes
 
 
-def input_channels(layers: Sequence[Layer], channels: int = 3) -> list[int]:
+def input_channels(layers: Sequence[Layer]) -> list[int]:
     """Channels that enter every layer."""
-    shapes = layer_shapes(layers, STRIDES[-1], STRIDES[-1], channels)
-    return [channels, *(shape[0] for shape in shapes[:-1])]
+    return [3, *(channels for channels, _, _ in layer_shapes(layers, STRIDES[-1], STRIDES[-1])[:-1])]
 
 
-def parameter_count(layers: Sequence[Layer]) -> int:
-    """Trained parameters: weights, biases, and the scale and shift of batch normalisation."""
-    count = 0
-    for layer, entering in zip(layers, input_channels(layers), strict=True):
-        if isinstance(layer, Conv):
-            count += layer.filters * (entering * layer.size**2 + (2 if layer.normalised else 1))
-    return count
+def convolutions(layers: Sequence[Layer]) -> dict[int, tuple[Conv, int]]:
+    """By index, each convolution and the channels that enter it."""
+    entering = input_channels(layers)
+    return {index: (layer, entering[index]) for index, layer in enumerate(layers) if isinstance(layer, Conv)}
+
+
+def parameter_count(layers: Sequence[Layer], normalisation: int = 2) -> int:
+    """Numbers of the convolutions: kernels, biases, and of batch normalisation the trained shift and scale."""
+    return sum(
+        conv.filters * (entering * conv.size**2 + (normalisation if conv.normalised else 1))
+        for conv, entering in convolutions(layers).values()
+    )
 
 
 def flop_count(layers: Sequence[Layer], height_px: int, width_px: int) -> int:
     """Floating-point operations of the convolutions, a multiply-add as two: Darknet's own count."""
     shapes = layer_shapes(layers, height_px, width_px)
-    count = 0
-    for layer, entering, (_, h, w) in zip(layers, input_channels(layers), shapes, strict=True):
-        if isinstance(layer, Conv):
-            count += 2 * layer.filters * entering * layer.size**2 * h * w
-    return count
+    return sum(
+        2 * conv.filters * entering * conv.size**2 * shapes[index][1] * shapes[index][2]
+        for index, (conv, entering) in convolutions(layers).items()
+    )
 
 
 def read_weights(path: Path, layers: Sequence[Layer]) -> list[ConvWeights]:
@@ -184,8 +181,7 @@ def read_weights(path: Path, layers: Sequence[Layer]) -> list[ConvWeights]:
     number of pictures seen (64-bit from version 0.2 on), then for every convolution bias, scale, mean, variance (the
     last three with batch normalisation only) and kernel, all in the order of the layers.
 
-    Raises:
-        DataError: missing, truncated, too long for these layers, or holding numbers that are not finite.
+    DataError where it is missing, truncated, too long for these layers, or holds numbers that are not finite.
     """
     try:
         data = path.read_bytes()
@@ -197,11 +193,7 @@ def read_weights(path: Path, layers: Sequence[Layer]) -> list[ConvWeights]:
     if not (0 <= major < 1000 and 0 <= minor < 1000):
         raise DataError(f"{path}: not Darknet weights: its version reads as {major}.{minor}")
     header = 20 if 10 * major + minor >= 2 else 16
-    wanted = sum(
-        layer.filters * (entering * layer.size**2 + (4 if layer.normalised else 1))
-        for layer, entering in zip(layers, input_channels(layers), strict=True)
-        if isinstance(layer, Conv)
-    )
+    wanted = parameter_count(layers, normalisation=4)
     have = (len(data) - header) / 4
     if have != wanted:
         state = "truncated" if have < wanted else "of another network"
@@ -210,19 +202,15 @@ def read_weights(path: Path, layers: Sequence[Layer]) -> list[ConvWeights]:
     if not np.isfinite(numbers).all():
         raise DataError(f"{path}: holds numbers that are not finite; the file is damaged or no Darknet weights")
     weights: list[ConvWeights] = []
-    at = 0
 
     def take(*shape: int) -> Float32:
-        nonlocal at
-        size = int(np.prod(shape))
-        at += size
-        return numbers[at - size : at].reshape(shape).copy()
+        nonlocal numbers
+        taken, numbers = np.split(numbers, [math.prod(shape)])
+        return taken.reshape(shape).copy()
 
-    for layer, entering in zip(layers, input_channels(layers), strict=True):
-        if not isinstance(layer, Conv):
-            continue
-        n = layer.filters
+    for conv, entering in convolutions(layers).values():
+        n = conv.filters
         bias = take(n)
-        norm = (take(n), take(n), take(n)) if layer.normalised else (None, None, None)
-        weights.append(ConvWeights(take(n, entering, layer.size, layer.size), bias, *norm))
+        norm = (take(n), take(n), take(n)) if conv.normalised else (None, None, None)
+        weights.append(ConvWeights(take(n, entering, conv.size, conv.size), bias, *norm))
     return weights

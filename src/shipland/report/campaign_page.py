@@ -13,8 +13,8 @@ import os
 import re
 import shlex
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -109,6 +109,7 @@ def campaign_page(
     """The page, with `command` and `machine` of cells.json; links go from the folder where it will lie."""
     cells = [cell for cell in cells if cell.landings]
     pilots = list(dict.fromkeys(cell.pilot for cell in cells))
+    by_pilot = {pilot: [it for cell in cells if cell.pilot == pilot for it in cell.landings] for pilot in pilots}
     suites = ", ".join(dict.fromkeys(cell.suite for cell in cells if cell.suite)) or "a grid of the command line"
     flights, machine = sum(len(cell.landings) for cell in cells), about["machine"]
     area, flown = area_of(cell.rig for cell in cells), PageFlights(cells, folder)
@@ -130,13 +131,13 @@ def campaign_page(
         '<p class="dim">Dot and bar: share and its 95 % interval. Dotted: what an oracle would reach.</p>',
         f'<div class="charts">{"".join(_cell_charts(cells, pilots, oracle_rates))}</div>',
         "<h2>Against what was drawn</h2>",
-        f'<div class="charts">{"".join(_against(cells, pilots)) or "<p>One value of everything.</p>"}</div>',
+        f'<div class="charts">{"".join(_against(by_pilot)) or "<p>One value of everything.</p>"}</div>',
         "<h2>Touchdowns</h2>",
         f'<p class="dim">Lines: {area} and deck. Dots landed in the {area}, crosses did not.</p>',
         flown.filters(area),
-        f'<div class="charts">{"".join(_touchdowns(cells, pilots))}</div>',
+        f'<div class="charts">{"".join(_touchdowns(flown, pilots))}</div>',
         "<h2>Failures</h2>",
-        _causes(cells, pilots),
+        _causes(by_pilot),
         _failures(flown, area),
         "<h2>Leaderboard</h2>",
         tables[0],
@@ -223,8 +224,7 @@ _CONDITIONS: tuple[tuple[str, str, Callable[[Landing], float | None], tuple[floa
 """Title, unit, value of a landing, edges of the bins."""
 
 
-def _against(cells: Sequence[CellResult], pilots: Sequence[str]) -> Iterator[str]:
-    by_pilot = {pilot: [it for cell in cells if cell.pilot == pilot for it in cell.landings] for pilot in pilots}
+def _against(by_pilot: Mapping[str, Sequence[Landing]]) -> Iterator[str]:
     for title, unit, value_of, edges in _CONDITIONS:
         columns = []
         for low, high in pairwise(edges):
@@ -246,55 +246,37 @@ def _bin(low: float, high: float) -> str:
     return texts[0] if texts[0] == texts[1] else f"{texts[0]}–{texts[1]}"
 
 
-def _touchdowns(cells: Sequence[CellResult], pilots: Sequence[str]) -> Iterator[str]:
-    rig = cells[0].rig
-    numbered = list(enumerate((cell.pilot, it) for cell in cells for it in cell.landings))
-    by_pilot = {pilot: [(at, it) for at, (who, it) in numbered if who == pilot and it.touched] for pilot in pilots}
+def _touchdowns(flown: PageFlights, pilots: Sequence[str]) -> Iterator[str]:
+    rig = flown.flights[0][0].rig
+    touched = [(at, pilots.index(cell.pilot), it) for at, (cell, it) in enumerate(flown.flights) if it.touched]
 
-    def points(series: int, place: Callable[[Landing], tuple[float, float]]) -> list[Points]:
-        kinds = [[(at, it) for at, it in by_pilot[pilots[series]] if it.success is good] for good in (True, False)]
+    def points(shown: Iterable[int], place: Callable[[Landing], tuple[float, float]]) -> list[Points]:
         return [
-            Points(series, good, [place(it) for _, it in kind], [at for at, _ in kind])
-            for good, kind in zip((True, False), kinds, strict=True)
+            Points(series, good, {at: place(it) for at, of, it in touched if of == series and it.success is good})
+            for series, good in product(shown, (True, False))
         ]
 
     half_m = math.ceil(6.5 * rig.deck_size_m) / 10.0
+    outlines = ((rig.landing_area, rig.landing_square_m), ("square", rig.deck_size_m))
     for series, pilot in enumerate(pilots):
-        yield point_chart(
-            points(series, lambda it: (it.starboard_m, it.forward_m)),
-            f"{pilot}: first contact",
-            ("starboard [m]", "forward [m]"),
-            (half_m, half_m),
-            ((rig.landing_area, rig.landing_square_m), ("square", rig.deck_size_m)),
-        )
+        places = points([series], lambda it: (it.starboard_m, it.forward_m))
+        title, names = f"{pilot}: first contact", ("starboard [m]", "forward [m]")
+        yield point_chart(places, title, names, (half_m, half_m), outlines)
     everybody = range(len(pilots))
-    yield point_chart(
-        [kind for series in everybody for kind in points(series, lambda it: (it.deck_roll_deg, it.deck_pitch_deg))],
-        "The deck's attitude at contact",
-        ("roll [°]", "pitch [°]"),
-        (15.0, 8.0),
-        (),
-    )
-    yield point_chart(
-        [kind for series in everybody for kind in points(series, lambda it: (-it.deck_sink_mps, it.sink_mps))],
-        "Sink against the deck at contact",
-        ("deck's heave rate, up [m/s]", "sink [m/s]"),
-        (1.0, 2.0),
-        (),
-        low=0.0,
-    )
+    places = points(everybody, lambda it: (it.deck_roll_deg, it.deck_pitch_deg))
+    yield point_chart(places, "The deck's attitude at contact", ("roll [°]", "pitch [°]"), (15.0, 8.0))
+    places = points(everybody, lambda it: (-it.deck_sink_mps, it.sink_mps))
+    names = ("deck's heave rate, up [m/s]", "sink [m/s]")
+    yield point_chart(places, "Sink against the deck at contact", names, (1.0, 2.0), low=0.0)
 
 
-def _causes(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
-    counts = {
-        pilot: Counter(it.cause for cell in cells if cell.pilot == pilot for it in cell.landings if it.cause)
-        for pilot in pilots
-    }
+def _causes(by_pilot: Mapping[str, Sequence[Landing]]) -> str:
+    counts = {pilot: Counter(it.cause for it in landings if it.cause) for pilot, landings in by_pilot.items()}
     causes = sum(counts.values(), Counter[str]())
     if not causes:
         return "<p>None.</p>"
-    rows = [[cause, *(str(counts[pilot][cause]) for pilot in pilots)] for cause, _ in causes.most_common()]
-    return html_table(["cause", *pilots], rows, first_number=1)
+    rows = [[cause, *(str(count[cause]) for count in counts.values())] for cause, _ in causes.most_common()]
+    return html_table(["cause", *by_pilot], rows, first_number=1)
 
 
 def _failures(page: PageFlights, area: str) -> str:

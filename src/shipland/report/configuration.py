@@ -6,15 +6,15 @@ import dataclasses
 import inspect
 import re
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from shipland.config import bounds_of, defaults, fields_of, merge, stated, toml_value
+from shipland.config import bounds_of, defaults, fields_of, stated, toml_value
 from shipland.descriptions import unit_of
-from shipland.scenario.scenario import Scenario, load_scenario, scenario_layers
+from shipland.scenario.scenario import Scenario, load_scenario, scenario_layers, scenario_table
 
 _WIDTH = 110
 """Characters of a line of comment."""
@@ -60,15 +60,12 @@ class Setting:
         return f"{self.section}.{self.name}".lstrip(".")
 
 
-def scenario_settings(source: str | Path, config: Path | None = None, changes: Iterable[str] = ()) -> list[Setting]:
+def scenario_settings(source: str | Path, config: Path | None = None, changes: Sequence[str] = ()) -> list[Setting]:
     """Every key of a scenario's configuration under a file and changes, a section's together; ConfigError else."""
     layers = scenario_layers(source, config, changes)
-    table: dict[str, Any] = {}
-    for layer in layers:
-        table = merge(table, layer.table)
     usual = {setting.key: setting.value for setting in settings_of(Scenario, defaults(Scenario))}
     found = []
-    for setting in settings_of(Scenario, load_scenario(table).table()):
+    for setting in settings_of(Scenario, load_scenario(scenario_table(source, config, changes)).table()):
         file = next(layer.name for layer in reversed(layers) if _gives(layer.table, setting.key))
         own = setting.source if file == "default" else ""
         found.append(replace(setting, file=file, source=own, default=usual.get(setting.key)))

@@ -29,48 +29,6 @@ RULE_NAMES = {"froude": "Froude: time / √scale", "length_only": "lengths only:
 _RULE_COLOURS = {"froude": unit(BLUE), "length_only": unit(VERMILION)}
 
 
-def plot_case(path: Path, t_s: Array, deck: Array, wind_in_ned_mps: Array) -> None:
-    """The deck's motion (N, 6) [m, deg] and the wind over it (N, 3) as a PNG; DataError when it cannot be written."""
-    with drawn(path, (10.0, 11.0)) as figure:
-        axes = figure.subplots(7, 1, sharex=True)
-        for index, name in enumerate(DOF_NAMES):
-            axes[index].plot(t_s, deck[:, index], color=unit(BLUE))
-            axes[index].set_ylabel(f"{name} [{_AXIS_UNITS[index]}]")
-        for index, name in enumerate(("north", "east", "down")):
-            axes[6].plot(t_s, wind_in_ned_mps[:, index], color=unit((VERMILION, GREEN, GREY)[index]), label=name)
-        axes[6].set_ylabel("air over deck [m/s]")
-        axes[6].legend(loc="upper right", ncols=3)
-        axes[6].set_xlabel("time [s]")
-        axes[6].set_xlim(t_s[0], t_s[-1])
-        figure.align_ylabels(axes)
-
-
-def plot_headings(path: Path, panels: Mapping[str, Mapping[str, tuple[Array, Array]]], limit: Array) -> None:
-    """Six traces, one column a heading, one curve a time rule, the motion base's limits where they are near.
-
-    `panels`: heading → time rule → times (N,) and motion (N, 6) [m, deg]; `limit` (6,) likewise. DataError when the PNG
-    cannot be written.
-    """
-    with drawn(path, (13.0, 11.0)) as figure:
-        axes = figure.subplots(6, len(panels), sharex=True, sharey="row", squeeze=False)
-        for column, (heading, rules) in enumerate(panels.items()):
-            axes[0, column].set_title(f"waves from {heading}")
-            axes[5, column].set_xlabel("time on the rig [s]")
-            for index in range(6):
-                for rule, (t_s, deck) in rules.items():
-                    axes[index, column].plot(t_s, deck[:, index], color=_RULE_COLOURS[rule], label=RULE_NAMES[rule])
-                    axes[index, column].set_xlim(t_s[0], t_s[-1])
-        for index, name in enumerate(DOF_NAMES):
-            axes[index, 0].set_ylabel(f"{name} [{_AXIS_UNITS[index]}]")
-            largest = max(np.abs(deck[:, index]).max() for rules in panels.values() for _, deck in rules.values())
-            if largest > 0.8 * limit[index]:
-                for axis in axes[index]:
-                    for sign in (-1.0, 1.0):
-                        axis.axhline(sign * limit[index], color=unit(GREY), linestyle="--", linewidth=1.0)
-        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
-        figure.align_ylabels(axes[:, 0])
-
-
 DEGREES = np.array([1.0, 1.0, 1.0, *[180.0 / np.pi] * 3])
 """From metres and radians to metres and degrees."""
 UNITS = ("m", "m", "m", "°", "°", "°")
@@ -131,6 +89,49 @@ class Sampling:
                 raise ConfigError(f"{name} must be in 10…36000 s, got {value}")
 
 
+def plot_case(path: Path, traces: Traces) -> None:
+    """The deck's motion and the wind over it as a PNG; DataError when it cannot be written."""
+    with drawn(path, (10.0, 11.0)) as figure:
+        axes = figure.subplots(7, 1, sharex=True)
+        for index, name in enumerate(DOF_NAMES):
+            axes[index].plot(traces.t_s, traces.deck[:, index], color=unit(BLUE))
+            axes[index].set_ylabel(f"{name} [{_AXIS_UNITS[index]}]")
+        for index, name in enumerate(("north", "east", "down")):
+            colour = unit((VERMILION, GREEN, GREY)[index])
+            axes[6].plot(traces.t_s, traces.wind_in_ned_mps[:, index], color=colour, label=name)
+        axes[6].set_ylabel("air over deck [m/s]")
+        axes[6].legend(loc="upper right", ncols=3)
+        axes[6].set_xlabel("time [s]")
+        axes[6].set_xlim(traces.t_s[0], traces.t_s[-1])
+        figure.align_ylabels(axes)
+
+
+def plot_headings(path: Path, panels: Mapping[str, Mapping[str, Traces]], limit: Array) -> None:
+    """Six traces, one column a heading, one curve a time rule, the motion base's limits where they are near.
+
+    `panels`: heading → time rule → traces; `limit` (6,) [m, deg]. DataError when the PNG cannot be written.
+    """
+    with drawn(path, (13.0, 11.0)) as figure:
+        axes = figure.subplots(6, len(panels), sharex=True, sharey="row", squeeze=False)
+        for column, (heading, rules) in enumerate(panels.items()):
+            axes[0, column].set_title(f"waves from {heading}")
+            axes[5, column].set_xlabel("time on the rig [s]")
+            for index in range(6):
+                for rule, traces in rules.items():
+                    style = {"color": _RULE_COLOURS[rule], "label": RULE_NAMES[rule]}
+                    axes[index, column].plot(traces.t_s, traces.deck[:, index], **style)
+                    axes[index, column].set_xlim(traces.t_s[0], traces.t_s[-1])
+        for index, name in enumerate(DOF_NAMES):
+            axes[index, 0].set_ylabel(f"{name} [{_AXIS_UNITS[index]}]")
+            largest = max(np.abs(it.deck[:, index]).max() for rules in panels.values() for it in rules.values())
+            if largest > 0.8 * limit[index]:
+                for axis in axes[index]:
+                    for sign in (-1.0, 1.0):
+                        axis.axhline(sign * limit[index], color=unit(GREY), linestyle="--", linewidth=1.0)
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+        figure.align_ylabels(axes[:, 0])
+
+
 def sample(scenario: Scenario, seed: int, duration_s: float, step_s: float) -> Traces:
     """Ship and wind of a flight of this seed at every step from 0 to `duration_s`."""
     ship, wind = drawn_ship(scenario, seed), build_wind(scenario.wind, scenario.rig, generators_of(seed).wind)
@@ -167,7 +168,7 @@ def report_case(scenario: Scenario, sampling: Sampling, out: Path, console: Cons
     air = np.column_stack([traces.t_s, traces.course, traces.wind_in_ned_mps])
     _write_series(out / "motion.csv", HEADER, np.column_stack([traces.t_s, traces.deck]))
     _write_series(out / "wind.csv", WIND_HEADER, air)
-    plot_case(out / "motion.png", traces.t_s, traces.deck, traces.wind_in_ned_mps)
+    plot_case(out / "motion.png", traces)
     columns: dict[str, tuple[Statistics, ...]] = {scenario.ship.motion: stats}
     _write_table(out / "motion_table.csv", columns)
     console.print(f"deck motion over {sampling.statistics_s:g} s{_MEASURES}", soft_wrap=True)
@@ -192,8 +193,7 @@ def report_headings(scenario: Scenario, sampling: Sampling, out: Path, console: 
             one = replace(scenario, ship=ship)
             panels[name][rule] = sample(one, sampling.seed, sampling.duration_s, sampling.step_s)
             columns[f"{name}\n{rule}"] = statistics(one, sampling.seed, sampling.statistics_s)
-    traces = {name: {rule: (t.t_s, t.deck) for rule, t in of.items()} for name, of in panels.items()}
-    plot_headings(out / "motion_headings.png", traces, rig_limits(scenario.rig) * DEGREES)
+    plot_headings(out / "motion_headings.png", panels, rig_limits(scenario.rig) * DEGREES)
     _write_table(out / "motion_headings.csv", columns)
     title = f"Hs {sea.height_m:g} m, Tp {sea.period_s:g} s, {sea.speed_kn:g} kn, length scale {scale.length:g}"
     console.print(f"significant single amplitudes at full scale: {title}", soft_wrap=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import colorsys
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +18,6 @@ from shipland.files import writing
 from shipland.frames import Array
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 PAPERS_MM = {
@@ -162,8 +162,8 @@ def _sheet(drawing: Drawing, sheets: Sheets, column: int, row: int, title: str) 
         axes.add_patch(Rectangle(tuple(shift_mm), *drawing.size_mm, color=drawing.ground, lw=0.0, clip_path=printed))
     for outline_mm in drawing.outlines_mm:
         axes.add_patch(Polygon(outline_mm + shift_mm, color=drawing.ink, lw=0.0, clip_path=printed))
-    for place_mm in _crosses(sheets):
-        _cross(axes, place_mm - step_mm * [column, row] + _MARGIN_MM, sheets)
+    for x, y in _crosses(sheets, column, row):
+        axes.plot(x, y, "+", color="0.5", markersize=72.0 / _INCH_MM * _CROSS_MM, markeredgewidth=0.3)
     foot_mm = height_mm - 0.55 * _MARGIN_MM
     axes.plot([_MARGIN_MM, _MARGIN_MM + _RULER_MM], [foot_mm, foot_mm], color="black", lw=0.6)
     for end_mm in (_MARGIN_MM, _MARGIN_MM + _RULER_MM):
@@ -174,29 +174,16 @@ def _sheet(drawing: Drawing, sheets: Sheets, column: int, row: int, title: str) 
     return figure
 
 
-def _crosses(sheets: Sheets) -> list[Array]:
-    """Marks that two neighbours both print, in millimetres from the first sheet's printed part."""
-    step_mm, marks = np.array(sheets.step_mm), []
-    for column in range(sheets.across):
-        for row in range(sheets.down):
-            left, top = step_mm * [column, row]
-            right, bottom = left + step_mm[0], top + step_mm[1]
-            middle = 0.5 * _OVERLAP_MM
-            if column + 1 < sheets.across:
-                marks += [np.array([right + middle, y]) for y in (top + 2.0 * middle, bottom - middle)]
-            if row + 1 < sheets.down:
-                marks += [np.array([x, bottom + middle]) for x in (left + 2.0 * middle, right - middle)]
-    return marks
-
-
-def _cross(axes: Axes, place_mm: Array, sheets: Sheets) -> None:
-    """A thin cross, where it lies on the sheet's printed part."""
-    (x, y), (width_mm, height_mm) = place_mm, sheets.page_mm
-    if not (_MARGIN_MM <= x <= width_mm - _MARGIN_MM and _MARGIN_MM <= y <= height_mm - _MARGIN_MM):
-        return
-    half = 0.5 * _CROSS_MM
-    for across, down in (((x - half, x + half), (y, y)), ((x, x), (y - half, y + half))):
-        axes.plot(across, down, color="0.5", lw=0.3)
+def _crosses(sheets: Sheets, column: int, row: int) -> Iterator[tuple[float, float]]:
+    """Marks in the middle of what a sheet and its neighbour both print."""
+    (width_mm, height_mm), edge_mm = sheets.page_mm, _MARGIN_MM + 0.5 * _OVERLAP_MM
+    first_mm, last_mm = _MARGIN_MM + _OVERLAP_MM, _MARGIN_MM + 1.5 * _OVERLAP_MM
+    for x, shared in ((edge_mm, column > 0), (width_mm - edge_mm, column + 1 < sheets.across)):
+        if shared:
+            yield from ((x, first_mm), (x, height_mm - last_mm))
+    for y, shared in ((edge_mm, row > 0), (height_mm - edge_mm, row + 1 < sheets.down)):
+        if shared:
+            yield from ((first_mm, y), (width_mm - last_mm, y))
 
 
 def words_of(drawing: Drawing, sheets: Sheets, paper: str) -> str:

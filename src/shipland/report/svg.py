@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
 
 from shipland.report.palette import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, Rgb
 
@@ -89,14 +88,12 @@ class Points:
     Attributes:
         series: index of their colour.
         good: drawn full; else as crosses.
-        places: (x, y), finite.
-        flights: of each place, its number on the page; empty where nobody asks.
+        places: (x, y), by the flight's number on the page; drawn where they are finite.
     """
 
     series: int
     good: bool
-    places: Sequence[tuple[float, float]]
-    flights: Sequence[int] = ()
+    places: Mapping[int, tuple[float, float]]
 
 
 def point_chart(
@@ -104,7 +101,7 @@ def point_chart(
     title: str,
     axes: tuple[str, str],
     half: tuple[float, float],
-    outlines: Sequence[tuple[str, float]],
+    outlines: Sequence[tuple[str, float]] = (),
     low: float = -1.0,
 ) -> str:
     """Points in a plane about zero, drawn in order.
@@ -135,7 +132,7 @@ def point_chart(
     for kind in points:
         colour = colour_of(kind.series)
         marks = []
-        for (across, up), flight in zip_longest(kind.places, kind.flights):
+        for flight, (across, up) in kind.places.items():
             if math.isfinite(across) and math.isfinite(up):
                 a, b = x(across), y(up)
                 shown.append(f"{flight} {a:.1f} {b:.1f} {kind.series} {int(kind.good)}")
@@ -146,8 +143,8 @@ def point_chart(
         if marks:
             dots = 'class="dots" stroke-width="6" stroke-linecap="round"'
             stroke = dots if kind.good else 'stroke-width="2"'
-            asked = f' data-series="{kind.series}"' if kind.flights else ""
-            parts.append(f'<path fill="none" stroke="{colour}" {stroke}{asked} d="{"".join(marks)}"/>')
+            stroke += f' data-series="{kind.series}"'
+            parts.append(f'<path fill="none" stroke="{colour}" {stroke} d="{"".join(marks)}"/>')
     parts.append("</g>")
     for shape, side in outlines:
         corner = (x(-0.5 * side), y(0.5 * side))
@@ -158,8 +155,7 @@ def point_chart(
     parts.append(_text(left + 0.5 * size, height - 6, axes[0], "tick middle"))
     turned = f'transform="rotate(-90 12 {top + 0.5 * size:.0f})"'
     parts.append(f'<text class="tick middle" x="12" y="{top + 0.5 * size:.0f}" {turned}>{html.escape(axes[1])}</text>')
-    numbered = any(kind.flights for kind in points)
-    return _svg(width, height, title, parts, f' data-points="{"|".join(shown)}"' if numbered else "")
+    return _svg(width, height, title, parts, f' data-points="{"|".join(shown)}"' if shown else "")
 
 
 def _text(x: float, y: float, words: str, classes: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
@@ -45,8 +44,8 @@ class Moments:
     """The estimates and truths of the last two seconds."""
 
     def __init__(self) -> None:
-        self._estimates: deque[Estimate] = deque()
-        self._truths: deque[GroundTruth] = deque()
+        self._estimates: list[Estimate] = []
+        self._truths: list[GroundTruth] = []
         self._has_estimate = False
 
     def note(self, record: FlightRecord) -> None:
@@ -54,18 +53,14 @@ class Moments:
         estimate = record.decision.estimate
         self._has_estimate = estimate is not None
         if estimate is not None:
-            self._estimates.append(estimate)
-            while self._estimates[0].t_s < estimate.t_s - _KEPT_S:
-                self._estimates.popleft()
+            self._estimates = [*(it for it in self._estimates if it.t_s >= estimate.t_s - _KEPT_S), estimate]
         if record.truth is not None:
             self.note_truth(record.truth)
 
     def note_truth(self, truth: GroundTruth) -> None:
         """Take a truth; one already taken changes nothing."""
         if not self._truths or truth.t_s > self._truths[-1].t_s:
-            self._truths.append(truth)
-            while self._truths[0].t_s < truth.t_s - _KEPT_S:
-                self._truths.popleft()
+            self._truths = [*(it for it in self._truths if it.t_s >= truth.t_s - _KEPT_S), truth]
 
     def at(self, t_s: float, truth: GroundTruth | None) -> tuple[Estimate | None, GroundTruth | None]:
         """The newest estimate whose time has come by `t_s` with the truth of that time; else None and `truth`."""
@@ -136,12 +131,9 @@ class VideoWriter:
     def __init__(
         self, path: Path, width_px: int, height_px: int, parameters: VideoParameters, key_frames: int = 250
     ) -> None:
-        """Open `path`, writing over what was there; width and height must be even.
+        """Open `path`, writing over what was there, with an even width and height; DataError where it cannot be.
 
         At least every `key_frames`-th picture of H.264 stands for itself.
-
-        Raises:
-            DataError: the file cannot be written.
         """
         with writing(path, "video"):
             path.touch()
@@ -252,7 +244,7 @@ class FlightVideo:
         if self._newest is None:
             self._start_s = record.frame.t_s
         else:
-            self._write_until(record.frame.t_s, record.truth)
+            self._write_until(self._newest, record.frame.t_s, record.truth)
         self._newest = record
         self._moments.note(record)
         self._stale = True
@@ -260,7 +252,7 @@ class FlightVideo:
     def finish(self, verdict: TouchdownVerdict | None) -> None:
         """Write the last cycle, hold it with the verdict, and close."""
         if self._newest is not None:
-            self._write_until(self._newest.frame.t_s + 1.0 / self._parameters.rate_hz, None)
+            self._write_until(self._newest, self._newest.frame.t_s + 1.0 / self._parameters.rate_hz, None)
             if verdict is not None:
                 draw_verdict(self._picture, verdict)
             for _ in range(round(self._parameters.verdict_hold_s * self._parameters.rate_hz)):
@@ -278,14 +270,13 @@ class FlightVideo:
     def _picture(self) -> Image:
         return self._canvas[: self._picture_height_px, :STRIP_WIDTH_PX]
 
-    def _write_until(self, end_s: float, next_truth: GroundTruth | None) -> None:
+    def _write_until(self, newest: FlightRecord, end_s: float, next_truth: GroundTruth | None) -> None:
         """Write the frames due before `end_s`, moving the chase view towards the next truth."""
-        newest = self._newest
-        for truth in (None if newest is None else newest.truth, next_truth):
-            if newest is not None and truth is not None:
+        for truth in (newest.truth, next_truth):
+            if truth is not None:
                 self._moments.note_truth(truth)
                 self._instruments.note(truth.t_s, derive(replace(newest, truth=truth), self._rig))
-        while newest is not None and (t_s := self._start_s + self._ticks / self._parameters.rate_hz) < end_s - 1e-6:
+        while (t_s := self._start_s + self._ticks / self._parameters.rate_hz) < end_s - 1e-6:
             due = t_s >= self._chase_due_s - 1e-6
             moment = newest.truth
             if due and moment is not None and next_truth is not None:

@@ -19,8 +19,7 @@ from shipland.rig import Rig
 class Viewer:
     """Shows cycles as they are replayed, in a window or into a .rrd file; nothing leaves this machine.
 
-    Raises:
-        ConfigError: rerun is not installed.
+    ConfigError where rerun is not installed.
     """
 
     def __init__(self, rig: Rig, save: Path | None = None) -> None:

@@ -51,11 +51,7 @@ def state_from(rig: Rig, distance_m: float) -> SceneState:
 
 
 def detections(path: Path, scenario: Scenario) -> str:
-    """Draw a row of pictures for ship and bar; confidence and width as a table.
-
-    Raises:
-        SystemLibraryError: nothing can be rendered on this machine.
-    """
+    """Draw a row of pictures for ship and bar; a table. SystemLibraryError where nothing can be rendered."""
     camera, rig, parameters = Camera.from_parameters(scenario.camera), scenario.rig, DetectorParameters()
     rng = np.random.default_rng(1)
     scene = Scene(rig, SceneParameters(), rng)

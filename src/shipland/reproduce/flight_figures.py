@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from shipland.errors import DataError
 from shipland.figures import drawn
-from shipland.frames import Array, Pose
+from shipland.frames import Array
 from shipland.record.reader import FlightLog, read_log
 from shipland.report.landing_plots import Touchdowns, plot_touchdowns
 from shipland.report.palette import GREY, MODE_COLOURS, MODE_NAMES, VERMILION, Rgb, unit
@@ -37,11 +37,7 @@ _DPI = 80
 
 
 def read_flights(folder: Path) -> list[FlightLog]:
-    """The logs with rows in a folder and the folders below it, in the order of their names.
-
-    Raises:
-        DataError: there are none, or one cannot be read.
-    """
+    """The logs with truth in a folder and those below it, by name; DataError where none are, or one cannot be read."""
     paths = sorted(folder.rglob("*.mcap"), key=lambda path: (path.parent, len(path.stem), path.stem))
     logs = [log for log in map(read_log, paths) if any(record.truth for record in log.records)]
     if not logs:
@@ -55,11 +51,10 @@ def read_flights(folder: Path) -> list[FlightLog]:
 def figures_of_flights(folder: Path, out: Path) -> list[Path]:
     """Draw a folder's flights: all trajectories and landing points, and the commands of the one from farthest away.
 
-    Raises:
-        DataError: no logs, or a file cannot be written.
+    DataError where there are no logs, or a file cannot be written.
     """
     logs, parameters = read_flights(folder), PlotParameters(_DPI)
-    farthest = max(logs, key=lambda log: tracks_of(log).distance_m[0])
+    farthest = max(logs, key=lambda log: Tracks(log).distance_m[0])
     info = logs[0].header.info
     title = f"{info.scenario}, pilot {info.pilot}, {len(logs)} flight{'s' if len(logs) > 1 else ''}"
     paths = [out / name for name in ("trajectories.png", "commands.png", "landings.png")]
@@ -76,27 +71,17 @@ class Tracks:
         t_s: (n,) exposure times.
         aircraft_m, ship_m: (n, 3).
         distance_m: (n,) between them over ground.
+        under_way: whether the ship moved by more than a metre.
     """
 
-    def __init__(self, t_s: Array, aircraft_m: Array, ship_m: Array) -> None:
-        self.t_s, self.aircraft_m, self.ship_m = t_s, aircraft_m, ship_m
-        self.distance_m: Array = np.linalg.norm((aircraft_m - ship_m)[:, :2], axis=1)
-
-    @property
-    def under_way(self) -> bool:
-        """Whether the ship moved by more than a metre."""
-        return bool(np.linalg.norm(np.ptp(self.ship_m, axis=0)[:2]) > 1.0)
-
-
-def tracks_of(log: FlightLog) -> Tracks:
-    """The tracks in a log of a simulated flight."""
-    truths = [record.truth for record in log.records if record.truth is not None]
-    start: Pose = truths[0].ned_from_ship.inverse()
-    return Tracks(
-        np.array([truth.t_s for truth in truths]),
-        np.array([_UP * start.apply(truth.ned_from_body.translation_m) for truth in truths]),
-        np.array([_UP * start.apply(truth.ned_from_ship.translation_m) for truth in truths]),
-    )
+    def __init__(self, log: FlightLog) -> None:
+        truths = [record.truth for record in log.records if record.truth is not None]
+        start = truths[0].ned_from_ship.inverse()
+        self.t_s = np.array([truth.t_s for truth in truths])
+        self.aircraft_m = np.array([_UP * start.apply(truth.ned_from_body.translation_m) for truth in truths])
+        self.ship_m = np.array([_UP * start.apply(truth.ned_from_ship.translation_m) for truth in truths])
+        self.distance_m: Array = np.linalg.norm((self.aircraft_m - self.ship_m)[:, :2], axis=1)
+        self.under_way = bool(np.linalg.norm(np.ptp(self.ship_m, axis=0)[:2]) > 1.0)
 
 
 def touchdowns_of(logs: Sequence[FlightLog]) -> Touchdowns:
@@ -119,7 +104,7 @@ def plot_trajectories(path: Path, logs: Sequence[FlightLog], title: str, paramet
     with drawn(path, (10.4, 9.0), parameters.dpi) as figure:
         figure.suptitle(title, fontsize=13, fontweight="bold")
         above, beside = figure.subplots(2, 1, height_ratios=[2.2, 1.0])
-        tracks = [tracks_of(log) for log in logs]
+        tracks = [Tracks(log) for log in logs]
         for log, track in zip(logs, tracks, strict=True):
             draw_above(above, log, track)
             _draw_beside(beside, log, track)

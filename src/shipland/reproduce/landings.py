@@ -19,7 +19,7 @@ from shipland.figures import drawn
 from shipland.record.reader import FlightLog, read_log
 from shipland.report.landing_plots import deck_trace, draw_touchdowns, plot_instants, plot_touchdowns, touchdowns_of
 from shipland.report.outputs import OutputParameters
-from shipland.reproduce.flight_figures import draw_above, draw_key, tracks_of
+from shipland.reproduce.flight_figures import Tracks, draw_above, draw_key
 from shipland.rig import Rig
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
 
@@ -62,7 +62,7 @@ def plot_courses(path: Path, logs: Sequence[FlightLog], landings: Sequence[Landi
     with drawn(path, (12.0, 8.0)) as figure:
         *panels, pad = figure.subplots(2, 2).ravel()
         for axes, log, words in zip(panels, logs, COURSES.values(), strict=False):
-            draw_above(axes, log, tracks_of(log))
+            draw_above(axes, log, Tracks(log))
             axes.set_aspect("equal", adjustable="datalim")
             axes.invert_yaxis()
             axes.set_title(f"{words}, ship at {SHOWN_MPS:g} m/s")

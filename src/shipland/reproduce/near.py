@@ -10,14 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from shipland.config import merge
 from shipland.flight import fly
 from shipland.frames import Array
 from shipland.guidance.pilot import Pilot
 from shipland.messages import Decision, FlightRecord, Frame, Observation, PilotCommand, Telemetry
 from shipland.reproduce.ranges import exact_start
 from shipland.scenario.autonomy import build_autonomy, build_vehicle
-from shipland.scenario.scenario import load_scenario, scenario_table
+from shipland.scenario.scenario import load_scenario
 from shipland.vision.vision import Vision
 
 FALSE_AT_S = 6.5
@@ -103,7 +102,7 @@ def fly_hover(near: dict[str, Any], noise_m: float, false_m: float, slew: bool =
         "guidance": {"near": near, "modes": {"settle_s": 1e9}},
         "safety": {} if slew else {"slew_percent_per_s": 1e4},
     }
-    scenario = load_scenario(merge(scenario_table("near"), overlay))
+    scenario = load_scenario("near", **overlay)
     vehicle = build_vehicle(scenario, 1, None)
     autonomy = build_autonomy(scenario, vehicle, "paper", "geometric", 1)
     spoiled = Spoiled(autonomy.vision, noise_m, false_m, np.random.default_rng(1))

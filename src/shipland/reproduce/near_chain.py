@@ -87,11 +87,7 @@ def still_state(rig: Rig, bar_from_camera: Pose) -> SceneState:
 
 
 def dim_picture(rig: Rig, camera: Camera) -> Image:
-    """The bar in dim light by a noisy sensor.
-
-    Raises:
-        SystemLibraryError: nothing can be rendered on this machine.
-    """
+    """The bar in dim light by a noisy sensor; SystemLibraryError where nothing can be rendered."""
     off_rad = np.radians(OFF_AXIS_DEG)
     rotation = rotation_from_euler(0.0, 0.0, off_rad) @ level_from_camera(GimbalAttitude(0.0, 0.0))
     place_in_bar_m = np.array([-RANGE_M * np.cos(off_rad), -RANGE_M * np.sin(off_rad), 0.05])

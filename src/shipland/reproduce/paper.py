@@ -14,36 +14,30 @@ from shipland.evaluation.tables import markdown
 from shipland.extras import require
 from shipland.guidance.laws import derivative_gain, exponential_law
 from shipland.guidance.parameters import FarVariant
-from shipland.reproduce import far, plots
+from shipland.reproduce import FigureName, far, plots
 from shipland.reproduce.detections import detections
 from shipland.reproduce.flight_figures import figures_of_flights
 from shipland.reproduce.geometry import distance_size, yolo_grid
 from shipland.reproduce.landings import PUBLISHED_RUNS, courses, touchdowns
-from shipland.reproduce.names import FigureName
 from shipland.reproduce.near import CONTROLS as DERIVATIVES
 from shipland.reproduce.near import FALSE_AT_S, FALSE_M, LAW_STEPS, NOISE_M, fly_hover, near_figures
 from shipland.reproduce.near_chain import near_chain
 from shipland.reproduce.ranges import FarCase, FarTrace
-from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
+from shipland.scenario.scenario import Scenario, load_scenario
 
 
 def run_paper(out: Path, only: FigureName | None, flights: Path | None, runs: int = 0) -> int:
-    """Make the figures and `table.md`, or those of the logs in the folder `flights`; 0.
-
-    Each figure is named while it is made, and its pictures when they lie in `out`.
+    """Make the figures and `table.md`, or those of the logs in the folder `flights`; 0, or DataError without logs.
 
     The figure `touchdowns` has `runs` landings on each motion; without any it is made only where `only` names it, with
     the paper's fifty.
-
-    Raises:
-        DataError: the output folder cannot be written, or the folder of flights holds none.
     """
     require("plots", "`shipland paper`")
     if flights is not None:
         for path in figures_of_flights(flights, out):
             print(path)
         return 0
-    scenario = load_scenario(scenario_table("near"))
+    scenario = load_scenario("near")
     names = (only,) if only else [name for name in get_args(FigureName) if name != "touchdowns" or runs]
     figures = dict(_FIGURES)
     figures["touchdowns"] = partial(touchdowns, runs=runs or PUBLISHED_RUNS)

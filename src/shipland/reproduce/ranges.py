@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,15 +16,16 @@ import numpy.typing as npt
 
 from shipland.camera import Camera, CameraParameters
 from shipland.config import build, merge
-from shipland.flight import Autonomy, fly
+from shipland.flight import fly
 from shipland.frames import Array
 from shipland.guidance.far import FarSight, FarTables, FarTarget, far_control
 from shipland.guidance.parameters import FarKind, FarVariant
+from shipland.guidance.pilot import PilotSetup
 from shipland.messages import Box, Decision, FlightRecord, Frame, Mode, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
-from shipland.safety.assurance import Safety
-from shipland.scenario.autonomy import build_vehicle, response_of
+from shipland.scenario.autonomy import build_autonomy, build_vehicle
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
+from shipland.sim.state import board_corners_in_bar_m
 from shipland.vehicles.simulated import SimulatedVehicle
 
 BAR_RANGE_M = 100.0
@@ -85,7 +87,7 @@ class TrueBoxes:
 
     def __init__(self, vehicle: SimulatedVehicle, rig: Rig, noise_px: float, rng: np.random.Generator) -> None:
         self._vehicle, self._noise_px, self._rng = vehicle, noise_px, rng
-        self._ship_in_ship_m, self._bar_in_bar_m = ship_points_in_ship_m(rig), bar_points_in_bar_m(rig)
+        self._ship_in_ship_m, self._bar_in_bar_m = ship_points_in_ship_m(rig), board_corners_in_bar_m(rig)
 
     def see(self, frame: Frame) -> Observation:
         """Both boxes, the bar's within its detection range."""
@@ -123,19 +125,13 @@ def ship_points_in_ship_m(rig: Rig) -> Array:
     return np.array([(forward, side * half_m, down) for forward, down in ends for side in (-1.0, 1.0)])
 
 
-def bar_points_in_bar_m(rig: Rig) -> Array:
-    """(4, 3) corners of the board."""
-    half_m = 0.5 * np.array([0.0, *rig.board_size_m])
-    return np.array([half_m * [0.0, right, down] for right in (-1.0, 1.0) for down in (-1.0, 1.0)])
-
-
 class FarPilot:
     """Far control and nothing else."""
 
-    def __init__(self, scenario: Scenario, case: FarCase, camera: Camera) -> None:
-        guidance, self._case = scenario.guidance, case
-        tables = FarTables.for_camera(guidance.ship, guidance.bar, camera)
-        self._far = far_control(case.kind, case.variant, guidance.far_baselines, guidance.near, tables, camera)
+    def __init__(self, setup: PilotSetup, case: FarCase) -> None:
+        guidance, self._case = setup.guidance, case
+        tables = FarTables.for_camera(guidance.ship, guidance.bar, setup.camera)
+        self._far = far_control(case.kind, case.variant, guidance.far_baselines, guidance.near, tables, setup.camera)
         self._mode = Mode.SEARCH
         self._command = PilotCommand.hold(0.0, 0.0)
 
@@ -186,18 +182,15 @@ def fly_far(case: FarCase, overlay: dict[str, Any] | None = None) -> FarTrace:
     scenario = load_scenario(merge(base, {"guidance": {"ship": {"heave": {"setpoint": row_px}}}}))
     vehicle = build_vehicle(scenario, 1, None)
     eyes = TrueBoxes(vehicle, scenario.rig, case.noise_px, np.random.default_rng([1, 1]))
-    pilot = FarPilot(scenario, case, vehicle.camera)
+    autonomy = build_autonomy(scenario, vehicle, partial(FarPilot, case=case), lambda _: eyes, 1)
     records: list[FlightRecord] = []
-    lens_in_body_m = np.array(scenario.camera.position_in_body_m)
-    safety = Safety(scenario.safety, scenario.rig, vehicle.camera, lens_in_body_m, response_of(scenario))
-    autonomy = Autonomy(eyes, pilot, safety, scenario.delays)
     fly(vehicle, autonomy, case.duration_s, lambda: 0.0, records.append)
     return _trace(records, scenario, vehicle.camera)
 
 
 def _trace(records: list[FlightRecord], scenario: Scenario, camera: Camera) -> FarTrace:
     rig, silent_px = scenario.rig, np.zeros(4)
-    ship_m, bar_m = ship_points_in_ship_m(rig), bar_points_in_bar_m(rig)
+    ship_m, bar_m = ship_points_in_ship_m(rig), board_corners_in_bar_m(rig)
     rows = []
     for record in records:
         truth, command = record.truth, record.decision.command

@@ -19,14 +19,7 @@ from torch import Tensor, nn
 from shipland.errors import DataError
 from shipland.files import json_of
 from shipland.guidance.horizon.steering import ENTRIES
-from shipland.learning.checkpoint import (
-    optimizer_tensors,
-    prefixed,
-    read_tensors,
-    restore_optimizer,
-    with_prefix,
-    write_tensors,
-)
+from shipland.learning.checkpoint import optimizer_tensors, read_tensors, restore_optimizer, write_tensors
 from shipland.learning.policy.arguments import LearnArguments
 from shipland.learning.policy.export import ACTIONS, Dense
 
@@ -110,12 +103,12 @@ class Run:
         assert memory is not None
         filled = memory.buffer_size if memory.full else memory.pos
         tensors = {
-            **prefixed("policy", agent.policy.state_dict()),
-            **prefixed("actor_optimizer", optimizer_tensors(agent.actor.optimizer)),
-            **prefixed("critic_optimizer", optimizer_tensors(agent.critic.optimizer)),
-            **prefixed("averaged", self.averaged),
-            **prefixed("best", self.best),
-            **{f"memory.{name}": torch.from_numpy(getattr(memory, name)[:filled]) for name in _MEMORY},
+            "policy": agent.policy.state_dict(),
+            "actor_optimizer": optimizer_tensors(agent.actor.optimizer),
+            "critic_optimizer": optimizer_tensors(agent.critic.optimizer),
+            "averaged": self.averaged,
+            "best": self.best,
+            "memory": {name: torch.from_numpy(getattr(memory, name)[:filled]) for name in _MEMORY},
         }
         about = {"format": FORMAT, "progress": json.dumps(vars(self.progress)), "position": str(memory.pos)}
         write_tensors(path, tensors, about)
@@ -127,19 +120,18 @@ class Run:
         assert memory is not None
         try:
             self.progress = progress = Progress(**json_of(about["progress"]))
-            memory.pos, filled = int(about["position"]), len(tensors["memory.rewards"])
+            memory.pos, filled = int(about["position"]), len(tensors["memory"]["rewards"])
             for name in _MEMORY:
-                getattr(memory, name)[:filled] = tensors[f"memory.{name}"].numpy()
+                getattr(memory, name)[:filled] = tensors["memory"][name].numpy()
             memory.full = filled == memory.buffer_size
-            agent.policy.load_state_dict(with_prefix("policy", tensors))
+            agent.policy.load_state_dict(tensors["policy"])
+            self.averaged, self.best = tensors["averaged"], tensors["best"]
         except (KeyError, TypeError, ValueError, RuntimeError) as error:
             raise DataError(f"checkpoint {path} is damaged: {error}") from None
         progress.flights = [(row[0], row[1], row[2]) for row in progress.flights]
         for name, optimizer in (("actor", agent.actor.optimizer), ("critic", agent.critic.optimizer)):
-            state = with_prefix(f"{name}_optimizer", tensors)
-            if state:
-                restore_optimizer(optimizer, state)
-        self.averaged, self.best = with_prefix("averaged", tensors), with_prefix("best", tensors)
+            if f"{name}_optimizer" in tensors:
+                restore_optimizer(optimizer, tensors[f"{name}_optimizer"])
         agent.num_timesteps, agent._n_updates = progress.step, progress.updates
 
 

@@ -25,6 +25,7 @@ from shipland.errors import ConfigError, DataError
 from shipland.figures import drawn
 from shipland.files import write_atomically, write_csv
 from shipland.guidance.horizon.steering import REACH_M, Action
+from shipland.learning.checkpoint import check_resumable
 from shipland.learning.policy.agent import Progress, Run, answer, dense_of
 from shipland.learning.policy.arguments import LearnArguments
 from shipland.learning.policy.export import write_policy
@@ -135,10 +136,7 @@ def _start(arguments: LearnArguments, envs: VecEnv) -> Run:
     run.progress.run = identity
     if arguments.resume:
         run.load(last)
-        for name, value in identity.items():
-            begun = run.progress.run.get(name, value)
-            if begun != value:
-                raise DataError(f"{last} was begun with {name} {begun}, not {value}: resume with the same")
+        check_resumable(last, run.progress.run, identity)
     seeds = np.random.default_rng((arguments.seed, run.progress.step))
     envs.seed(_FIRST_SEED + int(seeds.integers(2**30)))
     return run
