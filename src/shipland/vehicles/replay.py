@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -51,7 +52,7 @@ class ReplayVehicle:
         self._source, self._camera, self._verdict = iter(recorded), camera, verdict
         self._ahead: Recorded | None = None
         self._newest: Recorded | None = None
-        self._truths: dict[float, GroundTruth] = {}
+        self._truths: deque[tuple[float, GroundTruth]] = deque(maxlen=_REMEMBERED)
         self._now_s, self._is_open, self._ended = -math.inf, False, False
 
     @property
@@ -74,9 +75,7 @@ class ReplayVehicle:
             chosen = self._take()
         self._now_s = max(self._now_s, chosen.arrived_s)
         if chosen.truth is not None:
-            self._truths[chosen.frame.t_s] = chosen.truth
-            for stamp_s in list(self._truths)[:-_REMEMBERED]:
-                del self._truths[stamp_s]
+            self._truths.append((chosen.frame.t_s, chosen.truth))
         return chosen.frame, replace(chosen.telemetry, t_s=self._now_s)
 
     def telemetry_at(self, t_s: float) -> Telemetry:
@@ -98,7 +97,7 @@ class ReplayVehicle:
 
     def truth_at(self, t_s: float) -> GroundTruth | None:
         """The recorded truth of a picture that `read` gave, by its exposure time [s]."""
-        return self._truths.get(t_s)
+        return dict(self._truths).get(t_s)
 
     def verdict(self) -> TouchdownVerdict | None:
         """How the recorded flight ended, once the replay has."""
