@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 m = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
-sys.path.append(str(Path(__file__).parents[2] / "tools"))
 
 from fuzz_link import OURS, STRANGER, Nowhere, fuzz  # noqa: E402
 

@@ -51,7 +51,7 @@ def rate_hz(times_s: Iterable[float]) -> float:
     """How often something comes, a second, by its times on `time.monotonic`; what has stopped has no rate."""
     now_s = time.monotonic()
     late_s = [t_s for t_s in times_s if now_s - t_s < _RATE_S]
-    return (len(late_s) - 1) / (now_s - late_s[0]) if len(late_s) > 1 else 0.0
+    return (len(late_s) - 1) / (now_s - min(late_s)) if len(late_s) > 1 else 0.0
 
 
 def telemetry_check(found_hz: float, least_hz: float, what: str = "") -> Check:

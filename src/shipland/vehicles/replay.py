@@ -11,6 +11,7 @@ from pathlib import Path
 from shipland.camera import Camera
 from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude, GroundTruth, PilotCommand, Telemetry, TouchdownVerdict
+from shipland.vehicles.camera_stream import wrong_size
 
 _REMEMBERED = 64
 """Given frames whose truth is kept."""
@@ -130,11 +131,8 @@ def recorded_video(path: Path, camera: Camera, pitch_rad: float, latency_s: floa
     gimbal = GimbalAttitude(0.0, pitch_rad)
     for t_s, image in read_video(path):
         height_px, width_px = image.shape[:2]
-        if (width_px, height_px) != (camera.width_px, camera.height_px):
-            raise DataError(
-                f"{path} holds pictures of {width_px} × {height_px} px, its calibration is for "
-                f"{camera.width_px} × {camera.height_px} px"
-            )
+        if wrong := wrong_size(f"{path} holds pictures", (width_px, height_px), (camera.width_px, camera.height_px)):
+            raise DataError(wrong)
         arrived_s = t_s + latency_s
         telemetry = Telemetry(arrived_s, None, None, None, None, None, None, None, flying=True)
         yield Recorded(Frame(t_s, image, gimbal), arrived_s, telemetry)
