@@ -5,6 +5,8 @@ import gc
 import logging
 import os
 import signal
+import subprocess
+import sys
 import zlib
 from pathlib import Path
 
@@ -161,6 +163,22 @@ def camera() -> Camera:
 def rng() -> np.random.Generator:
     """A generator with a fixed seed."""
     return np.random.default_rng(1797)
+
+
+@pytest.fixture
+def here(monkeypatch, capsys):
+    """The command line in this process, which has imported everything already."""
+
+    from shipland.cli import main
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["shipland", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        said = capsys.readouterr()
+        return subprocess.CompletedProcess(arguments, end.value.code or 0, said.out, said.err)
+
+    return call
 
 
 @pytest.fixture

@@ -16,6 +16,7 @@ import pytest
 
 m = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
 
+from fuzz_link import Nowhere  # noqa: E402
 from mavlink_bench import StandIn, bench  # noqa: E402
 
 from ports import free_port  # noqa: E402
@@ -34,24 +35,6 @@ KEY = bytes(range(32))
 
 
 # The decision, on times that are given
-
-
-class Nowhere:
-    """A port that nothing comes from."""
-
-    stream, problem = False, ""
-
-    def receive(self) -> None:
-        time.sleep(0.05)
-
-    def send(self, data: bytes, to: object) -> None:
-        pass
-
-    def watch(self, orders: object) -> None:
-        pass
-
-    def close(self) -> None:
-        pass
 
 
 class Air:

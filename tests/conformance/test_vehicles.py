@@ -1,7 +1,7 @@
 """The contract of `Vehicle`, held by everything that can be flown here."""
 
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
@@ -21,10 +21,12 @@ from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import Vehicle
 from worlds import natops, world
 
-Made = Callable[[int], Vehicle]
+Arrived = Callable[[], list[float]]
+"""The sticks that the far side goes by now: forward, right, up, in whatever unit."""
+Made = Callable[[int], tuple[Vehicle, Arrived]]
 
 
-def simulated(seed: int) -> Vehicle:
+def simulated(seed: int) -> SimulatedVehicle:
     rig = Rig()
     flown = world(
         distance_m=3.0,
@@ -53,40 +55,60 @@ _benches = ExitStack()
 def over_mavlink(kind: str) -> Made:
     """Before a stand-in autopilot, in real time."""
 
-    def make(seed: int) -> Vehicle:
+    def make(_seed: int) -> tuple[Vehicle, Arrived]:
         pytest.importorskip("pymavlink")
         if kind.endswith("by-mavsdk"):
             pytest.importorskip("mavsdk", reason="an independent MAVLink end: pip install mavsdk")
         from mavlink_bench import bench
 
-        return _benches.enter_context(bench(kind))[0]
+        vehicle, autopilot, _ = _benches.enter_context(bench(kind))
+        return vehicle, lambda: targeted(autopilot.report())
 
     return make
 
 
-def over_olympe(seed: int) -> Vehicle:
+def targeted(report: dict[str, Any]) -> list[float]:
+    if report["target"] == "tilt":
+        roll, pitch, _, climb = report["values"]
+        return [-pitch, roll, climb]
+    return report["values"][:3] if report["target"] == "speed" else [np.nan] * 3
+
+
+def over_olympe(_seed: int) -> tuple[Vehicle, Arrived]:
     """An ANAFI before Parrot's own device end, in real time; one at a time."""
     from anafi_bench import bench
 
     _benches.close()
-    return _benches.enter_context(bench())[0]
+    vehicle, aircraft = _benches.enter_context(bench())
+
+    def arrived() -> list[float]:
+        _, roll, pitch, _, up = (aircraft.report()["pcmd"] or [[np.nan] * 5])[-1][:5]
+        return [pitch, roll, up]
+
+    return vehicle, arrived
 
 
 def over_ros2(options: str = "") -> Made:
     """Before a stand-in drone on ROS 2 topics, in real time."""
 
-    def make(seed: int) -> Vehicle:
+    def make(_seed: int) -> tuple[Vehicle, Arrived]:
         pytest.importorskip("cyclonedds", reason="the extra ros2")
         from ros2_bench import bench
 
-        return _benches.enter_context(bench(options))[0]
+        vehicle, drone = _benches.enter_context(bench(options))
+        return vehicle, drone.arrived
 
     return make
 
 
+def simulated_by_its_sticks(seed: int) -> tuple[Vehicle, Arrived]:
+    vehicle = simulated(seed)
+    return vehicle, lambda: [getattr(vehicle.world._sticks, name) for name in ("pitch", "roll", "heave")]
+
+
 VEHICLES: dict[str, Made] = {
-    "simulated": simulated,
-    "replay": replayed,
+    "simulated": simulated_by_its_sticks,
+    "replay": lambda seed: (replayed(seed), list),
     "ardupilot": over_mavlink("ardupilot"),
     "px4": over_mavlink("px4"),
     "ardupilot-by-mavsdk": over_mavlink("ardupilot-by-mavsdk"),
@@ -104,9 +126,16 @@ def _marks(name: str) -> list[pytest.MarkDecorator]:
     return [pytest.mark.slow, pytest.mark.flaky(reruns=2, reruns_delay=2)] if slow else []
 
 
-@pytest.fixture(params=[pytest.param(made, id=name, marks=_marks(name)) for name, made in VEHICLES.items()])
-def make(request: pytest.FixtureRequest) -> Iterator[Made]:
-    yield request.param
+@pytest.fixture
+def both(request: pytest.FixtureRequest) -> Iterator[Made]:
+    """Makes a vehicle and what tells which of its sticks have arrived."""
+    yield VEHICLES[request.param]
+    _benches.close()
+
+
+@pytest.fixture(params=[pytest.param(name, marks=_marks(name)) for name in VEHICLES])
+def make(request: pytest.FixtureRequest) -> Iterator[Callable[[int], Vehicle]]:
+    yield lambda seed: VEHICLES[request.param](seed)[0]
     _benches.close()
 
 
@@ -136,7 +165,7 @@ def flown_until(
     return told[-1]
 
 
-def test_times_run_on_and_frames_and_telemetry_are_sound(make: Made) -> None:
+def test_times_run_on_and_frames_and_telemetry_are_sound(make: Callable[[int], Vehicle]) -> None:
     vehicle = make(1)
     vehicle.open()
     pairs = cycles(vehicle, 60, 10.0, -10.0, 5.0, 10.0)
@@ -160,7 +189,7 @@ def test_times_run_on_and_frames_and_telemetry_are_sound(make: Made) -> None:
             assert percent is None or 0.0 <= percent <= 100.0
 
 
-def test_hold_keeps_hovering(make: Made) -> None:
+def test_hold_keeps_hovering(make: Callable[[int], Vehicle]) -> None:
     vehicle = make(4)
     vehicle.open()
     pairs = cycles(vehicle, 30, 0.0, 0.0, 0.0, 0.0, intent=Intent.HOLD)
@@ -174,10 +203,10 @@ def test_hold_keeps_hovering(make: Made) -> None:
     assert np.ptp(heights) < 0.6 if heights else True  # barometer noise 0.05 m
 
 
-def test_sticks_mean_forward_right_up_and_clockwise(make: Made) -> None:
-    if make is replayed:
-        pytest.skip("a recording does not answer sticks")
+def test_sticks_mean_forward_right_up_and_clockwise(make: Callable[[int], Vehicle]) -> None:
     vehicle = make(5)
+    if isinstance(vehicle, ReplayVehicle):
+        pytest.skip("a recording does not answer sticks")
     vehicle.open()
     for index, sign in enumerate((1.0, 1.0, -1.0)):  # up is negative
         sticks = [0.0, 0.0, 0.0, 0.0]
@@ -204,7 +233,7 @@ def test_sticks_mean_forward_right_up_and_clockwise(make: Made) -> None:
     vehicle.close()
 
 
-def test_nothing_raises_in_flight_whatever_is_sent(make: Made) -> None:
+def test_nothing_raises_in_flight_whatever_is_sent(make: Callable[[int], Vehicle]) -> None:
     vehicle = make(6)
     vehicle.open()
     for value in (float("nan"), float("inf"), -float("inf"), -1e12):
@@ -216,7 +245,7 @@ def test_nothing_raises_in_flight_whatever_is_sent(make: Made) -> None:
     vehicle.close()
 
 
-def test_a_closed_vehicle_is_at_its_end(make: Made) -> None:
+def test_a_closed_vehicle_is_at_its_end(make: Callable[[int], Vehicle]) -> None:
     vehicle = make(7)
     vehicle.open()
     assert vehicle.read() is not None
@@ -226,91 +255,20 @@ def test_a_closed_vehicle_is_at_its_end(make: Made) -> None:
     vehicle.close()
 
 
-# What arrives at the far side.
-
-Arrived = Callable[[], list[float]]
-"""The sticks that the far side goes by now: forward, right, up, in whatever unit."""
-
-
-@contextmanager
-def simulated_and_its_world() -> Iterator[tuple[Vehicle, Arrived]]:
-    vehicle = simulated(5)
-    assert isinstance(vehicle, SimulatedVehicle)
-    sticks = vehicle.world
-    yield vehicle, lambda: [sticks._sticks.pitch, sticks._sticks.roll, sticks._sticks.heave]
-
-
-def mavlink_and_its_autopilot(kind: str) -> Callable[[], AbstractContextManager[tuple[Vehicle, Arrived]]]:
-    @contextmanager
-    def both() -> Iterator[tuple[Vehicle, Arrived]]:
-        pytest.importorskip("pymavlink")
-        from mavlink_bench import bench
-
-        with bench(kind) as (vehicle, autopilot, _):
-            yield vehicle, lambda: targeted(autopilot.report())
-
-    return both
-
-
-def targeted(report: dict[str, Any]) -> list[float]:
-    if report["target"] == "tilt":
-        roll, pitch, _, climb = report["values"]
-        return [-pitch, roll, climb]
-    return report["values"][:3] if report["target"] == "speed" else [np.nan] * 3
-
-
-@contextmanager
-def anafi_and_its_aircraft() -> Iterator[tuple[Vehicle, Arrived]]:
-    from anafi_bench import bench
-
-    with bench() as (vehicle, aircraft):
-
-        def arrived() -> list[float]:
-            _, roll, pitch, _, up = (aircraft.report()["pcmd"] or [[np.nan] * 5])[-1][:5]
-            return [pitch, roll, up]
-
-        yield vehicle, arrived
-
-
-def ros2_and_its_drone(options: str) -> Callable[[], AbstractContextManager[tuple[Vehicle, Arrived]]]:
-    @contextmanager
-    def both() -> Iterator[tuple[Vehicle, Arrived]]:
-        pytest.importorskip("cyclonedds", reason="the extra ros2")
-        from ros2_bench import bench
-
-        with bench(options) as (vehicle, drone):
-            yield vehicle, drone.arrived
-
-    return both
-
-
-@pytest.mark.parametrize(
-    "both",
-    [
-        simulated_and_its_world,
-        mavlink_and_its_autopilot("ardupilot"),
-        mavlink_and_its_autopilot("px4"),
-        anafi_and_its_aircraft,
-        ros2_and_its_drone(""),
-        ros2_and_its_drone("&kind=attitude"),
-    ],
-    ids=["simulated", "ardupilot", "px4", "anafi", "ros2", "ros2-attitude"],
-)
-def test_every_modes_sticks_leave_and_those_of_a_hold_do_not(
-    both: Callable[[], AbstractContextManager[tuple[Vehicle, Arrived]]],
-) -> None:
-    with both() as (vehicle, arrived):
-        vehicle.open()
-        for turn, (mode, intent) in enumerate(INTENTS.items()):
-            sign = -1.0 if turn % 2 else 1.0  # another than the mode's before
-            wanted = [0.0, 0.0, 0.0] if intent is Intent.HOLD else [sign, -sign, sign]
-            for _ in range(400):
-                cycles(vehicle, 1, sign * 20.0, -sign * 20.0, sign * 20.0, 0.0, intent=intent)
-                if np.sign(np.round(arrived(), 6)).tolist() == wanted:
-                    break
-            else:
-                pytest.fail(f"{mode.name}: the sticks of {intent} arrive as {arrived()}")
-        vehicle.close()
+@pytest.mark.parametrize("both", ["simulated", "ardupilot", "px4", "anafi", "ros2", "ros2-attitude"], indirect=True)
+def test_every_modes_sticks_leave_and_those_of_a_hold_do_not(both: Made) -> None:
+    vehicle, arrived = both(5)
+    vehicle.open()
+    for turn, (mode, intent) in enumerate(INTENTS.items()):
+        sign = -1.0 if turn % 2 else 1.0  # another than the mode's before
+        wanted = [0.0, 0.0, 0.0] if intent is Intent.HOLD else [sign, -sign, sign]
+        for _ in range(400):
+            cycles(vehicle, 1, sign * 20.0, -sign * 20.0, sign * 20.0, 0.0, intent=intent)
+            if np.sign(np.round(arrived(), 6)).tolist() == wanted:
+                break
+        else:
+            pytest.fail(f"{mode.name}: the sticks of {intent} arrive as {arrived()}")
+    vehicle.close()
 
 
 # What only a simulator promises.
@@ -319,7 +277,6 @@ def test_every_modes_sticks_leave_and_those_of_a_hold_do_not(
 def test_the_same_seed_gives_the_same_truth_bit_for_bit() -> None:
     def flight(seed: int, descent: int = 200) -> list[bytes]:
         vehicle = simulated(seed)
-        assert isinstance(vehicle, SimulatedVehicle)
         vehicle.open()
         states = []
         pairs = cycles(vehicle, 60, 20.0, -5.0, -20.0, 10.0) + cycles(
@@ -343,7 +300,6 @@ def test_the_end_is_none_and_stays_none() -> None:
     vehicle.open()
     pairs = cycles(vehicle, 2000, 0.0, 0.0, -80.0, 0.0, intent=Intent.LAND)
     assert len(pairs) < 2000
-    assert isinstance(vehicle, SimulatedVehicle)
     assert vehicle.verdict() is not None
     assert vehicle.read() is None
     assert vehicle.read() is None

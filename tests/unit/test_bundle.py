@@ -12,7 +12,6 @@ import pytest
 from test_campaign import GOOD, NOWHERE, make_up_flights, seeded
 
 import shipland
-from shipland.cli import main
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation import job
 from shipland.evaluation.bundle import opened, write_bundle
@@ -229,40 +228,31 @@ def test_a_salt_gives_the_same_seeds_wherever_they_begin(tmp_path):
     assert max(seeds) < 2**53, "a column of floats holds them"
 
 
-def run(monkeypatch, *words):
-    monkeypatch.setattr("sys.argv", ["shipland", *map(str, words)])
-    with pytest.raises(SystemExit) as end:
-        main()
-    return end.value.code
-
-
-def test_own_code_is_taken_along_and_runs_only_when_asked_for(tmp_path, monkeypatch, capsys):
+def test_own_code_is_taken_along_and_runs_only_when_asked_for(tmp_path, monkeypatch, here):
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / "mine_paper.py").write_text("def paper(setup):\n    raise ValueError('nobody calls it')\n")
     fly(tmp_path / "flown", pilot="mine_paper:paper")
-    assert run(monkeypatch, "submit", "flown", "--title", "mine", "--out", "mine.zip") == 0
-    assert "code/mine_paper.py" in capsys.readouterr().out
+    assert "code/mine_paper.py" in here("submit", "flown", "--title", "mine", "--out", "mine.zip").stdout
     (tmp_path / "mine_paper.py").write_text("raise ValueError('not this one')\n")
     sys.modules.pop("mine_paper", None)
-    assert run(monkeypatch, "verify", "mine.zip") == 2
-    assert "give --run-own-code" in capsys.readouterr().err
-    assert run(monkeypatch, "verify", "mine.zip", "--run-own-code", "--workers", "1", "--sample", "3") == 0
-    assert "3 of 8 rows flown again" in capsys.readouterr().out
+    refused = here("verify", "mine.zip")
+    assert refused.returncode == 2 and "give --run-own-code" in refused.stderr
+    verified = here("verify", "mine.zip", "--run-own-code", "--workers", "1", "--sample", "3")
+    assert verified.returncode == 0 and "3 of 8 rows flown again" in verified.stdout
     assert "mine_paper" not in sys.modules
     with opened(tmp_path / "mine.zip") as found:
         assert read_receipt(found).again == 3
 
 
-def test_other_code_is_named(bundle, monkeypatch, capsys):
+def test_other_code_is_named(bundle, monkeypatch, here):
     monkeypatch.setattr("shipland.evaluation.verify.source_digest", lambda: "f" * 16)
-    assert run(monkeypatch, "verify", bundle) == 2
-    said = capsys.readouterr().err
-    assert "here is ffffffffffffffff" in said
-    assert said.count("\n") == 1
+    done = here("verify", bundle)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "here is ffffffffffffffff" in done.stderr
 
 
-def test_a_leaderboard_of_bundles(bundle, tmp_path, monkeypatch):
+def test_a_leaderboard_of_bundles(bundle, tmp_path, here):
     other = tmp_path / "other.zip"
     write_bundle(fly(tmp_path / "other", pilot="horizon"), other, "other 2", 1, None)
     with opened(bundle) as one, opened(other) as two:
@@ -277,7 +267,7 @@ def test_a_leaderboard_of_bundles(bundle, tmp_path, monkeypatch):
         assert page.count("<h2>Entries</h2>") == 1
         with pytest.raises(DataError, match="one title"):
             entries_of([one, one])
-    assert run(monkeypatch, "report", bundle, other, "--oracle-motions", "0", "--out", tmp_path / "board.html") == 0
+    assert here("report", bundle, other, "--oracle-motions", "0", "--out", tmp_path / "board.html").returncode == 0
     assert "other 2" in (tmp_path / "board.html").read_text()
 
 

@@ -10,7 +10,6 @@ import pytest
 from studies import harness
 from test_campaign import GOOD, NOWHERE, make_up_flights, seeded
 
-from shipland.cli import main
 from shipland.envelopes import bases_of, fly_envelopes
 from shipland.errors import ConfigError
 from shipland.evaluation.campaign import read_cells
@@ -152,16 +151,13 @@ def test_what_a_folder_holds_beyond_the_flights_asked_for_does_not_count(flown, 
     assert len(flown) == 4
 
 
-def test_the_command_leaves_a_picture_a_table_and_json(flown, tmp_path, monkeypatch, capsys):
-    words = ["shipland", "envelope", "rig-natops", "--wind-kn", "10,20", "--every-deg", "180", "--runs", "2"]
-    words += ["--most", "4", "--workers", "1", "--out", str(tmp_path)]
-    monkeypatch.setattr("sys.argv", words)
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 0
+def test_the_command_leaves_a_picture_a_table_and_json(flown, tmp_path, here):
+    words = ["rig-natops", "--wind-kn", "10,20", "--every-deg", "180", "--runs", "2", "--most", "4", "--workers", "1"]
+    done = here("envelope", *words, "--out", tmp_path)
+    assert done.returncode == 0
     table = json.loads((tmp_path / "envelope.json").read_text())
     assert table["note"] == NO_RELEASE
-    assert NO_RELEASE in capsys.readouterr().out
+    assert NO_RELEASE in done.stdout
     (envelope,) = table["envelopes"]
     assert {cell["off_bow_deg"] for cell in envelope["cells"]} == {0.0, 180.0}
     assert envelope["borders"][0]["bound"] == "more than"

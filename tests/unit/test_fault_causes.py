@@ -1,17 +1,11 @@
 """What `tools/fault_causes.py` says of a faulted flight: which fault it failed by, and whether a climb had helped."""
 
-import sys
-from pathlib import Path
-
 import pytest
+from fault_causes import Failed, failed_in, row_of
 
 from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.scenario.faults import faults_of
 from shipland.scenario.scenario import load_scenario
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
-
-from fault_causes import Failed, failed_in, row_of
 
 pytestmark = pytest.mark.slow
 

@@ -1,5 +1,6 @@
 """Pictures from outside: a served world's frames, a stream's newest picture."""
 
+import itertools
 import time
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 from made_up_flight import VERDICT
 
 from pictures import write_film
+from ports import free_port
 from shipland.camera import Camera
 from shipland.errors import ConfigError
 from shipland.scenario.scenario import load_scenario
@@ -15,25 +17,23 @@ from shipland.sitl.frame_server import FrameServer
 from shipland.sitl.physics import LaunchHold
 from shipland.vehicles.camera_stream import CameraStream, VideoSource
 from shipland.vehicles.frame_link import FrameSource
-
-PORT = 19003
+from waiting import until
 
 
 def test_a_served_world_is_seen_late_and_with_its_truth() -> None:
-    scenario = load_scenario("rig-natops")
-    held = LaunchHold(scenario, 3, 0.9)
-    with FrameServer(scenario, 3, "127.0.0.1", PORT, False) as server:
-        stream = CameraStream(FrameSource.at(f"127.0.0.1:{PORT}", Camera.from_parameters(scenario.camera)))
+    scenario, port = load_scenario("rig-natops"), free_port()
+    held, turns, shots = LaunchHold(scenario, 3, 0.9), itertools.count(), []
+    with FrameServer(scenario, 3, "127.0.0.1", port, False) as server:
+        stream = CameraStream(FrameSource.at(f"frames:127.0.0.1:{port}", Camera.from_parameters(scenario.camera)))
         stream.start()
-        shots, last_s, t_s, end_s = [], -1e9, 0.0, time.monotonic() + 30.0
-        while len(shots) < 5 and time.monotonic() < end_s:
-            server.show(t_s, held.world.snapshot())
-            t_s += 1.0 / 30.0
-            shot = stream.newest(last_s, 0.04)
-            if shot is not None:
+
+        def five_seen() -> bool:
+            server.show(next(turns) / 30.0, held.world.snapshot())
+            if (shot := stream.newest(shots[-1].exposed_s if shots else -1e9, 0.04)) is not None:
                 shots.append(shot)
-                last_s = shot.exposed_s
-        assert len(shots) == 5
+            return len(shots) == 5
+
+        until(five_seen)
         for shot in shots:
             assert shot.arrived_s - shot.exposed_s == pytest.approx(scenario.delays.video_s, abs=0.04)
             assert shot.truth is not None
@@ -41,14 +41,14 @@ def test_a_served_world_is_seen_late_and_with_its_truth() -> None:
                 held.world.truth().ned_from_body.translation_m
             )
         server.end(VERDICT)
-        while stream.verdict() is None and time.monotonic() < end_s:
-            time.sleep(0.02)
+        until(stream.verdict)
         verdict = stream.verdict()
         assert verdict is not None and verdict.reason == VERDICT.reason
         assert np.array_equal(verdict.touchdown_in_deck_m, VERDICT.touchdown_in_deck_m)
         stream.close()
-    with pytest.raises(ConfigError, match="frames:HOST:PORT"):
-        FrameSource.at("somewhere", Camera.from_fov(64, 36, 69.0))
+    for wrong in ("somewhere", "rtsp://127.0.0.1:9003", "frames:127.0.0.1:0"):
+        with pytest.raises(ConfigError, match="frames:HOST:PORT"):
+            FrameSource.at(wrong, Camera.from_fov(64, 36, 69.0))
 
 
 def test_the_newest_picture_of_a_file(tmp_path: Path) -> None:

@@ -1,13 +1,9 @@
 """The fuzzer's targets on a few inputs each; `make fuzz` runs them for an hour."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 pytest.importorskip("pymavlink")
-sys.path.append(str(Path(__file__).parents[2] / "tools"))
 
 import fuzz
 

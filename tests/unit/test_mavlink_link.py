@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 m = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
-sys.path.append(str(Path(__file__).parents[2] / "tools"))
 
 from fuzz_link import OURS, STRANGER, Nowhere, fuzz  # noqa: E402
 
@@ -36,14 +35,27 @@ from shipland.vehicles.mavlink.telemetry import telemetry_of  # noqa: E402
 from shipland.vehicles.wanted import HeadingSetPoint, Wanted  # noqa: E402
 
 
-def session(key: bytes | None = None) -> tuple[Session, Nowhere, object]:
+def session(key: bytes | None = None) -> tuple[Session, Nowhere]:
     port = Nowhere()
-    made = Session(port, 245, 191, None, key, None, lambda *_: None)
-    return made, port, m.MAVLink(None, srcSystem=1, srcComponent=1)
+    return Session(port, 245, 191, None, key, None, lambda *_: None), port
 
 
 def heartbeat(mode: int = 4) -> object:
     return m.MAVLink_heartbeat_message(2, 3, 129, mode, 4, 3)
+
+
+def attitude(boot_ms: int) -> object:
+    return m.MAVLink_attitude_message(boot_ms, 0.1, 0.2, 0.3, 0, 0, 0)
+
+
+def feed(made: Session, message: object, t_s: float, system: int = 1, component: int = 1) -> None:
+    made.link.take(message.pack(m.MAVLink(None, srcSystem=system, srcComponent=component)), OURS, t_s)
+
+
+def heard_session() -> Session:
+    made, _ = session()
+    feed(made, heartbeat(), 100.0)
+    return made
 
 
 def test_hostile_messages_move_nothing() -> None:
@@ -56,18 +68,16 @@ def test_hostile_messages_move_nothing() -> None:
 
 
 def test_a_stranger_is_not_heard() -> None:
-    made, _, codec = session()
-    made.link.take(heartbeat().pack(codec), OURS, 0.0)
-    made.link.take(heartbeat(9).pack(codec), STRANGER, 0.1)
-    other = m.MAVLink(None, srcSystem=2, srcComponent=1)
-    made.link.take(heartbeat(9).pack(other), OURS, 0.2)
+    made = heard_session()
+    made.link.take(heartbeat(9).pack(m.MAVLink(None, srcSystem=1, srcComponent=1)), STRANGER, 100.1)
+    feed(made, heartbeat(9), 100.2, system=2)
     assert made.state.mode == 4
     assert made.link.counts.foreign == 2
 
 
 def test_a_forged_time_stamp_does_not_lock_the_sender_out() -> None:
     key = bytes(range(32))
-    made, _, codec = session(key)
+    made, codec = session(key)[0], m.MAVLink(None, srcSystem=1, srcComponent=1)
     codec.signing.secret_key, codec.signing.sign_outgoing = key, True
     codec.signing.timestamp = 5 * 10**13
     made.link.take(heartbeat(4).pack(codec), OURS, 0.0)
@@ -82,33 +92,22 @@ def test_a_forged_time_stamp_does_not_lock_the_sender_out() -> None:
 
 
 def test_times_of_messages_are_on_our_clock_and_jitter_is_not_in_them() -> None:
-    made, _, codec = session()
-    made.link.take(heartbeat().pack(codec), OURS, 100.0)
+    made = heard_session()
     rng = np.random.default_rng(1)
     errors = []
     for index in range(400):
         boot_ms = 5000 + 20 * index
         received_s = 100.0 + 0.02 * index + 0.01 + 0.05 * rng.random()
-        made.link.take(m.MAVLink_attitude_message(boot_ms, 0.1, 0.2, 0.3, 0, 0, 0).pack(codec), OURS, received_s)
+        feed(made, attitude(boot_ms), received_s)
         errors.append(made.state.attitude_t_s - (100.0 + 0.02 * index))
     assert min(errors[50:]) >= 0.009
     assert max(errors[50:]) < 0.02
     assert made.state.clock.restarts == 0
-    made.link.take(m.MAVLink_attitude_message(200, 0.1, 0.2, 0.3, 0, 0, 0).pack(codec), OURS, 120.0)
+    feed(made, attitude(200), 120.0)
     assert made.state.clock.restarts == 1
     telemetry = telemetry_of(made.state, 121.0)
     assert telemetry.attitude_t_s == pytest.approx(120.0)
     assert telemetry.height_m is None
-
-
-def feed(made: Session, message: object, t_s: float, system: int = 1, component: int = 1) -> None:
-    made.link.take(message.pack(m.MAVLink(None, srcSystem=system, srcComponent=component)), OURS, t_s)
-
-
-def heard_session() -> Session:
-    made = session()[0]
-    feed(made, heartbeat(), 100.0)
-    return made
 
 
 def mount(boot_ms: int, pitch_rad: float, device: int = 0) -> object:
@@ -118,7 +117,7 @@ def mount(boot_ms: int, pitch_rad: float, device: int = 0) -> object:
 
 def test_another_components_messages_do_not_count() -> None:
     made = heard_session()
-    feed(made, m.MAVLink_attitude_message(60_000, 0.1, 0.2, 0.3, 0, 0, 0), 100.1)
+    feed(made, attitude(60_000), 100.1)
     for component in (154, 191, 158):
         feed(made, m.MAVLink_attitude_message(10, 0.5, 0.5, 0.5, 0, 0, 0), 100.2, component=component)
         feed(made, heartbeat(5), 100.2, component=component)
@@ -129,10 +128,10 @@ def test_another_components_messages_do_not_count() -> None:
 
 def test_a_gimbals_clock_is_its_own_and_the_first_gimbal_is_followed() -> None:
     made = heard_session()
-    feed(made, m.MAVLink_attitude_message(60_000, 0.1, 0.2, 0.3, 0, 0, 0), 100.0)
+    feed(made, attitude(60_000), 100.0)
     feed(made, mount(2_000, -0.3), 100.1, component=154)
     feed(made, mount(9_000, 0.9), 100.2, component=171)
-    feed(made, m.MAVLink_attitude_message(60_300, 0.1, 0.2, 0.3, 0, 0, 0), 100.3)
+    feed(made, attitude(60_300), 100.3)
     assert made.state.clock.restarts == 0
     assert made.mounts == [(pytest.approx(100.1), 0.0, pytest.approx(-0.3))]
     feed(made, mount(5, -0.4), 101.0, component=154)  # the gimbal starts anew, and the autopilot does not
@@ -152,7 +151,7 @@ def test_answers_to_another_ground_station_are_not_ours() -> None:
 def test_no_mode_is_asked_for_while_the_present_one_is_not_known() -> None:
     """A heartbeat that is old may hide a person's mode."""
     for age_s, sent in ((0.0, 1), (0.5, 0)):
-        made, port, _ = session()
+        made, port = session()
         feed(made, heartbeat(), time.monotonic() - age_s)
         assert made.command(m.MAV_CMD_DO_SET_MODE, 1, 5) == bool(sent)
         assert made.hand_over(0) == bool(sent)
@@ -216,7 +215,7 @@ def test_a_radio_is_heard_from_the_vehicles_address_only() -> None:
 def test_nothing_old_is_stamped_new() -> None:
     made = heard_session()
     feed(made, m.MAVLink_battery_status_message(0, 0, 0, 300, [65535] * 10, 0, 0, 0, 87), 100.0)
-    feed(made, m.MAVLink_attitude_message(1_000, 0.1, 0.2, 0.3, 0, 0, 0), 100.0)
+    feed(made, attitude(1_000), 100.0)
     feed(made, m.MAVLink_local_position_ned_message(4_000, 0, 0, 0, 1, 0, 0), 103.0)
     telemetry = telemetry_of(made.state, 103.0)
     assert telemetry.attitude_t_s == telemetry.velocity_t_s == pytest.approx(100.0)  # turned by a heading 3 s old
@@ -288,10 +287,10 @@ def test_histories_can_be_read_while_messages_come() -> None:
     def write() -> None:
         while not stop.is_set():
             boot_ms = next(count)
-            feed(made, m.MAVLink_attitude_message(boot_ms, 0.1, 0.2, 0.3, 0, 0, 0), 1e-3 * boot_ms)
+            feed(made, attitude(boot_ms), 1e-3 * boot_ms)
 
     for boot_ms in (next(count) for _ in range(512)):
-        feed(made, m.MAVLink_attitude_message(boot_ms, 0.1, 0.2, 0.3, 0, 0, 0), 1e-3 * boot_ms)
+        feed(made, attitude(boot_ms), 1e-3 * boot_ms)
     writer = threading.Thread(target=write)
     sys.setswitchinterval(1e-6)
     writer.start()
@@ -308,7 +307,7 @@ def test_histories_can_be_read_while_messages_come() -> None:
 
 def test_a_vehicle_that_is_no_multicopter_is_not_flown() -> None:
     """Mode 4 of an ArduPlane is ACRO."""
-    made = session()[0]
+    made, _ = session()
     feed(made, m.MAVLink_heartbeat_message(1, 3, 129, 4, 4, 3), 100.0)
     made.link.start = lambda: None
     with pytest.raises(VehicleError, match="multicopters"):
@@ -372,22 +371,18 @@ def test_a_guided_mode_that_ends_the_autopilots_own_landing_is_a_persons() -> No
 
 
 def test_a_clock_that_runs_slow_does_not_make_telemetry_look_old() -> None:
-    made, _, codec = session()
-    made.link.take(heartbeat().pack(codec), OURS, 0.0)
-    ages = []
+    made, ages = heard_session(), []
     for index in range(1000):
         received_s = 0.02 * index
-        boot_ms = round(0.9 * 1e3 * received_s) + 1000
-        made.link.take(m.MAVLink_attitude_message(boot_ms, 0.1, 0.2, 0.3, 0, 0, 0).pack(codec), OURS, received_s)
+        feed(made, attitude(round(0.9 * 1e3 * received_s) + 1000), received_s)
         ages.append(received_s - made.state.attitude_t_s)
     assert max(ages) < 0.25
 
 
 def test_values_that_no_vehicle_has_change_nothing() -> None:
-    made, _, codec = session()
-    made.link.take(heartbeat().pack(codec), OURS, 0.0)
-    made.link.take(m.MAVLink_attitude_message(10, 0.1, 0.2, 0.3, 0, 0, 0).pack(codec), OURS, 0.1)
-    made.link.take(m.MAVLink_attitude_message(20, math.nan, 0.2, 0.3, 0, 0, 0).pack(codec), OURS, 0.2)
+    made = heard_session()
+    feed(made, attitude(10), 100.1)
+    feed(made, m.MAVLink_attitude_message(20, math.nan, 0.2, 0.3, 0, 0, 0), 100.2)
     assert made.state.roll_rad == pytest.approx(0.1)
     assert made.refused == 1
 

@@ -1,20 +1,9 @@
 """What the tool about another renderer looks at, and what it calls found; nothing is path-traced here."""
 
-import sys
 from importlib.util import find_spec
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-from shipland.sim.scene.scene import Scene
-from shipland.sim.scene.tone import FULL_SCALE
-from shipland.vision.far.detector import Detector
-from shipland.vision.parameters import detector_parameters
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
-
-
 from path_traced import (
     RENDERERS,
     SEED,
@@ -29,6 +18,11 @@ from path_traced import (
     places,
 )
 from studies.views import Setting
+
+from shipland.sim.scene.scene import Scene
+from shipland.sim.scene.tone import FULL_SCALE
+from shipland.vision.far.detector import Detector
+from shipland.vision.parameters import detector_parameters
 
 SETTING = Setting.packaged()
 

@@ -5,7 +5,6 @@ import math
 import socket
 import struct
 import threading
-import time
 from contextlib import suppress
 
 import numpy as np
@@ -18,6 +17,7 @@ from shipland.scenario.scenario import load_scenario
 from shipland.sim.aircraft.servo import thrust_share
 from shipland.sitl.physics import STEP_S, FlightStep, LaunchHold, RealTimeFactor, ServedFlight
 from shipland.sitl.servo_link import JsonLink, ServoPacket, mount_pitch_rad, state_line
+from waiting import until
 from worlds import NoCamera
 
 
@@ -119,8 +119,7 @@ def test_a_packet_sent_again_gets_its_answer_again_and_no_step() -> None:
 
     served = threading.Thread(target=serve, daemon=True)
     served.start()
-    while not said:
-        time.sleep(0.05)
+    until(lambda: said)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot:
         autopilot.settimeout(5.0)
         autopilot.connect(("127.0.0.1", port))

@@ -3,7 +3,6 @@
 import math
 import socket
 import threading
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -19,6 +18,7 @@ from shipland.sim.aircraft.record import RigidBodyState
 from shipland.sitl.physics import LaunchHold, ServedFlight
 from shipland.sitl.px4_link import Px4Link, SimulatedSensors, pressure_hpa
 from shipland.vehicles.mavlink.dialect import dialect
+from waiting import until
 from worlds import NoCamera
 
 LEVEL = RigidBodyState((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -66,8 +66,7 @@ def test_a_client_flies_it_in_lockstep_until_the_verdict() -> None:
     port, said, verdicts = free_port(), [], []
     served = threading.Thread(target=lambda: verdicts.append(serve(scenario, port, 0.0, said.append)), daemon=True)
     served.start()
-    while not said:
-        time.sleep(0.05)
+    until(lambda: said)
     rows = []
     with socket.create_connection(("127.0.0.1", port), 5.0) as link:
         client = Client(link)
@@ -103,8 +102,7 @@ def test_a_flight_controller_that_goes_ends_the_flight_in_words() -> None:
     port, said = free_port(), []
     served = threading.Thread(target=lambda: serve(load_scenario("rig-natops"), port, 0.9, said.append), daemon=True)
     served.start()
-    while not said:
-        time.sleep(0.05)
+    until(lambda: said)
     socket.create_connection(("127.0.0.1", port), 5.0).close()
     served.join(10.0)
     assert not served.is_alive()

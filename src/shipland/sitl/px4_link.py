@@ -119,8 +119,6 @@ _GIMBAL_CHANNEL = 8
 """Output 9, from 0; -1 is straight down, 1 straight up."""
 _IDLE_US = 1050.0
 """Least pulse of armed rotors: they turn."""
-_ARMED = 128
-"""Armed flag of HIL_ACTUATOR_CONTROLS' mode."""
 
 
 class Outputs:
@@ -137,7 +135,7 @@ class Outputs:
         controls = message.controls
         if not all(map(math.isfinite, controls[:4])):
             return
-        armed = bool(message.mode & _ARMED)
+        armed = bool(message.mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
         self.motors_us = tuple(
             max(_IDLE_US, 1000.0 + 1000.0 * min(max(value, 0.0), 1.0)) if armed else 1000.0 for value in controls[:4]
         )

@@ -17,6 +17,7 @@ from shipland.config import key, parameters
 from shipland.errors import VehicleError
 from shipland.extras import require
 from shipland.messages import GimbalAttitude, GroundTruth, TouchdownVerdict
+from shipland.vehicles.checks import rate_hz
 
 _WINDOW_S = 10.0
 """Window whose quickest picture gives the difference of the two clocks."""
@@ -104,11 +105,9 @@ class CameraStream:
 
     @property
     def rate_hz(self) -> float:
-        """Pictures a second of late; 0 before two have come."""
+        """Of the pictures' receipt; see `checks.rate_hz`."""
         with self._condition:
-            arrivals = [arrived for arrived, _ in self._arrivals]
-        span_s = arrivals[-1] - arrivals[0] if len(arrivals) > 1 else 0.0
-        return (len(arrivals) - 1) / span_s if span_s > 0.0 else 0.0
+            return rate_hz(arrived for arrived, _ in self._arrivals)
 
     @property
     def age_s(self) -> float:

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from shipland.config import key, parameters
 from shipland.guidance.response import Response
+
+_RATE_S = 2.0
+"""Window, up to now, in which a rate is counted."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +47,16 @@ class PreflightParameters:
     wind_share: float = key(0.6, "largest wind, as a share of what full tilt holds against", ge=0.01, le=1)
 
 
-def telemetry_check(rate_hz: float, least_hz: float, what: str = "") -> Check:
+def rate_hz(times_s: Iterable[float]) -> float:
+    """How often something comes, a second, by its times on `time.monotonic`; what has stopped has no rate."""
+    now_s = time.monotonic()
+    late_s = [t_s for t_s in times_s if now_s - t_s < _RATE_S]
+    return (len(late_s) - 1) / (now_s - min(late_s)) if len(late_s) > 1 else 0.0
+
+
+def telemetry_check(found_hz: float, least_hz: float, what: str = "") -> Check:
     """Attitudes a second; `what` says of what."""
-    return Check("telemetry", rate_hz >= least_hz, f"{what}{rate_hz:.0f} Hz, at least {least_hz:g}")
+    return Check("telemetry", found_hz >= least_hz, f"{what}{found_hz:.0f} Hz, at least {least_hz:g}")
 
 
 def battery_check(percent: float | None, least_percent: float, source: str = "") -> Check:

@@ -36,11 +36,12 @@ class FrameSource:
         self._verdict: TouchdownVerdict | None = None
 
     @staticmethod
-    def at(place: str, camera: Camera) -> FrameSource:
-        """From `HOST:PORT`; a host left out is loopback. ConfigError when it is none."""
+    def at(url: str, camera: Camera) -> FrameSource:
+        """From `frames:HOST:PORT`; a host left out is loopback. ConfigError when it is none."""
+        kind, _, place = url.partition(":")
         host, _, port = place.rpartition(":")
-        if not port.isdecimal() or not 0 < int(port) < 65536:
-            raise ConfigError(f"camera frames:{place}: expected frames:HOST:PORT")
+        if kind != "frames" or not port.isdecimal() or not 0 < int(port) < 65536:
+            raise ConfigError(f"camera {url}: expected frames:HOST:PORT")
         return FrameSource(host or "127.0.0.1", int(port), camera)
 
     def pictures(self) -> Iterator[StreamedPicture]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 from shipland.camera import Camera
 from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude, GroundTruth, PilotCommand, Telemetry, TouchdownVerdict
+from shipland.vehicles.camera_stream import wrong_size
 
 _REMEMBERED = 64
 """Given frames whose truth is kept."""
@@ -51,7 +53,7 @@ class ReplayVehicle:
         self._source, self._camera, self._verdict = iter(recorded), camera, verdict
         self._ahead: Recorded | None = None
         self._newest: Recorded | None = None
-        self._truths: dict[float, GroundTruth] = {}
+        self._truths: deque[tuple[float, GroundTruth]] = deque(maxlen=_REMEMBERED)
         self._now_s, self._is_open, self._ended = -math.inf, False, False
 
     @property
@@ -74,9 +76,7 @@ class ReplayVehicle:
             chosen = self._take()
         self._now_s = max(self._now_s, chosen.arrived_s)
         if chosen.truth is not None:
-            self._truths[chosen.frame.t_s] = chosen.truth
-            for stamp_s in list(self._truths)[:-_REMEMBERED]:
-                del self._truths[stamp_s]
+            self._truths.append((chosen.frame.t_s, chosen.truth))
         return chosen.frame, replace(chosen.telemetry, t_s=self._now_s)
 
     def telemetry_at(self, t_s: float) -> Telemetry:
@@ -98,7 +98,7 @@ class ReplayVehicle:
 
     def truth_at(self, t_s: float) -> GroundTruth | None:
         """The recorded truth of a picture that `read` gave, by its exposure time [s]."""
-        return self._truths.get(t_s)
+        return dict(self._truths).get(t_s)
 
     def verdict(self) -> TouchdownVerdict | None:
         """How the recorded flight ended, once the replay has."""
@@ -131,11 +131,8 @@ def recorded_video(path: Path, camera: Camera, pitch_rad: float, latency_s: floa
     gimbal = GimbalAttitude(0.0, pitch_rad)
     for t_s, image in read_video(path):
         height_px, width_px = image.shape[:2]
-        if (width_px, height_px) != (camera.width_px, camera.height_px):
-            raise DataError(
-                f"{path} holds pictures of {width_px} × {height_px} px, its calibration is for "
-                f"{camera.width_px} × {camera.height_px} px"
-            )
+        if wrong := wrong_size(f"{path} holds pictures", (width_px, height_px), (camera.width_px, camera.height_px)):
+            raise DataError(wrong)
         arrived_s = t_s + latency_s
         telemetry = Telemetry(arrived_s, None, None, None, None, None, None, None, flying=True)
         yield Recorded(Frame(t_s, image, gimbal), arrived_s, telemetry)

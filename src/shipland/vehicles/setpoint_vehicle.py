@@ -9,6 +9,7 @@ import math
 import threading
 import time
 from abc import abstractmethod
+from collections import deque
 
 from shipland.errors import VehicleError
 from shipland.messages import Frame, GimbalAttitude, GroundTruth, PilotCommand, Telemetry, TouchdownVerdict
@@ -34,7 +35,7 @@ class SetpointVehicle(LinkVehicle):
         self._parameters = parameters
         self._stream: CameraStream | None = None
         self._given_s, self._pictured_s = -math.inf, time.monotonic()
-        self._truths: dict[float, GroundTruth] = {}
+        self._truths: deque[tuple[float, GroundTruth]] = deque(maxlen=_REMEMBERED)
         self._pace: Pace | None = None
         self._lock = threading.Lock()
         self._command: tuple[PilotCommand, float] | None = None
@@ -87,9 +88,7 @@ class SetpointVehicle(LinkVehicle):
             return None
         self._given_s = shot.exposed_s
         if shot.truth is not None:
-            self._truths[shot.exposed_s] = shot.truth
-            for stamp_s in list(self._truths)[:-_REMEMBERED]:
-                del self._truths[stamp_s]
+            self._truths.append((shot.exposed_s, shot.truth))
         gimbal, age_s = (shot.gimbal, 0.0) if shot.gimbal is not None else self._gimbal_at(shot.exposed_s)
         return Frame(shot.exposed_s, shot.image, gimbal, gimbal_age_s=age_s)
 
@@ -101,7 +100,7 @@ class SetpointVehicle(LinkVehicle):
 
     def truth_at(self, t_s: float) -> GroundTruth | None:
         """The truth of a frame that `read` gave, from a simulator's camera."""
-        return self._truths.get(t_s)
+        return dict(self._truths).get(t_s)
 
     def verdict(self) -> TouchdownVerdict | None:
         """The touchdown, from a simulator's camera."""

@@ -7,9 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
-from shipland.frames import euler_from_quaternion, wrap_angle
+from shipland.frames import euler_from_quaternion, rotation_from_euler, wrap_angle
 from shipland.messages import GimbalAttitude, Intent, PilotCommand, Telemetry
 
 FLYING = ("hovering", "flying", "takingoff", "landing", "motor_ramping", "usertakeoff", "emergency_landing")
@@ -86,9 +84,7 @@ def gimbal_of(values: Mapping[str, Any]) -> GimbalAttitude:
 def _with_attitude(before: Telemetry, roll: float, pitch: float, heading: float, t_s: float) -> Telemetry:
     if before.attitude_t_s is not None and before.attitude_t_s >= t_s:
         return before
-    return replace(
-        before, roll_rad=roll, pitch_rad=pitch, heading_rad=heading, attitude_t_s=t_s, heading_t_s=t_s
-    )  # fmt: skip
+    return replace(before, roll_rad=roll, pitch_rad=pitch, heading_rad=heading, attitude_t_s=t_s, heading_t_s=t_s)
 
 
 def _with_velocity(
@@ -96,9 +92,7 @@ def _with_velocity(
 ) -> Telemetry:
     if before.velocity_t_s is not None and before.velocity_t_s >= t_s:
         return before
-    north, east, down = velocity_in_ned_mps
-    c, s = math.cos(heading_rad), math.sin(heading_rad)
-    level = np.array([c * north + s * east, c * east - s * north, down])
+    level = rotation_from_euler(0.0, 0.0, heading_rad).T @ velocity_in_ned_mps
     return replace(before, velocity_in_level_mps=level, velocity_t_s=t_s)
 
 

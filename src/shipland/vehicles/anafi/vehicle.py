@@ -18,22 +18,20 @@ from shipland.camera import Camera
 from shipland.errors import VehicleError
 from shipland.guidance.response import Response
 from shipland.messages import Frame, Intent, PilotCommand, Telemetry
-from shipland.stopping import check_stop
 from shipland.vehicles.address import VehicleSetup
 from shipland.vehicles.anafi.checks import AnafiState, anafi_checks
 from shipland.vehicles.anafi.process import AnafiProcess
 from shipland.vehicles.anafi.records import finite, gimbal_of, merged, sticks_of, with_metadata
 from shipland.vehicles.anafi.setup import AnafiSetup
 from shipland.vehicles.camera_stream import ExposureClock, StreamedPicture, wrong_size
-from shipland.vehicles.checks import Check
+from shipland.vehicles.checks import Check, rate_hz
 from shipland.vehicles.gimbal import Reading, gimbal_at
 from shipland.vehicles.link_vehicle import LinkVehicle
 from shipland.vehicles.touchdown import MOTORS_STOPPED, motors_stopped
 from shipland.vehicles.vehicle import LONGEST_WAIT_S, Vehicle, unless_late
+from shipland.vehicles.waiting import wait_until
 
 _GIMBAL_S = 0.1
-_LOOK_S = 0.1
-"""How often a wait looks for a request to stop."""
 _LANDED_S = 1.0
 """Descent commanded and none seen for so long, while landing at contact height: it stands, and is commanded to land."""
 _OLD_VELOCITY_S = 1.0
@@ -163,9 +161,9 @@ class AnafiVehicle(LinkVehicle):
         state = AnafiState(
             limits=self._limits or {},
             battery_percent=self._telemetry.battery_percent,
-            picture_hz=_rate_hz(self._pictures),
+            picture_hz=rate_hz(list(self._pictures)),
             late_s=sorted(self._late)[int(0.95 * (len(self._late) - 1))] if self._late else math.nan,
-            telemetry_hz=_rate_hz(self._attitudes),
+            telemetry_hz=rate_hz(list(self._attitudes)),
             problem=self._problem,
         )
         return anafi_checks(state, self._parameters, self._setup.preflight)
@@ -212,14 +210,12 @@ class AnafiVehicle(LinkVehicle):
 
     def _wait(self, until: Callable[[], bool], otherwise: str, timeout_s: float | None = None) -> None:
         timeout_s = timeout_s or self._parameters.connect_timeout_s
-        end_s = time.monotonic() + timeout_s
-        check_stop()  # also where nothing is left to wait for: a take-off may be next
         with self._changed:
-            while not (until() or self._problem or self._end_reason) and time.monotonic() < end_s:
-                check_stop()
-                self._changed.wait(_LOOK_S)
-        if not until():
-            raise VehicleError(self._problem or self._end_reason or f"{otherwise} within {timeout_s:g} s")
+            wait_until(
+                lambda: until() or self._problem or self._end_reason, timeout_s, lambda: otherwise, self._changed.wait
+            )
+            if not until():
+                raise VehicleError(self._problem or self._end_reason)
 
     # What the far end says, on the process's thread
 
@@ -304,15 +300,6 @@ class AnafiVehicle(LinkVehicle):
 def _bgr(data: bytes, planes: str, width_px: int, height_px: int) -> npt.NDArray[np.uint8]:
     yuv = np.frombuffer(data, np.uint8).reshape(height_px * 3 // 2, width_px)
     return np.asarray(cv2.cvtColor(yuv, _PLANES[planes]), np.uint8)
-
-
-_WINDOW_S = 3.0
-"""Window in which rates are counted."""
-
-
-def _rate_hz(times_s: deque[float]) -> float:
-    late = [t_s for t_s in list(times_s) if t_s > time.monotonic() - _WINDOW_S]
-    return (len(late) - 1) / (late[-1] - late[0]) if len(late) > 1 and late[-1] > late[0] else 0.0
 
 
 def anafi(setup: VehicleSetup) -> Vehicle:

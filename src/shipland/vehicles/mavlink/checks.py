@@ -7,7 +7,7 @@ import time
 
 from shipland.guidance.response import Response
 from shipland.vehicles.camera_stream import CameraStream
-from shipland.vehicles.checks import Check, battery_check, limits_text, telemetry_check
+from shipland.vehicles.checks import Check, battery_check, limits_text, rate_hz, telemetry_check
 from shipland.vehicles.mavlink.dialect import dialect
 from shipland.vehicles.mavlink.modes import mode_name, obeys_us
 from shipland.vehicles.mavlink.parameters import VehicleLimits
@@ -16,8 +16,6 @@ from shipland.vehicles.mavlink.setup import MavlinkSetup
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
 from shipland.vehicles.mavlink.telemetry import alerts_at, battery_at, transmitter_heard
 
-_RATE_S = 2.0
-"""Window, up to now, in which a rate is counted; what has stopped has none."""
 _LONGEST_OWN_HOLD_S = 5.0
 """An autopilot that flies the last set-point for longer goes too far with it."""
 _THROTTLE_US = (1300, 1700)
@@ -29,8 +27,6 @@ def link_checks(
 ) -> list[Check]:
     """What is known after a few seconds of listening."""
     state, wanted, now_s = session.state, setup.preflight, time.monotonic()
-    times_s = [t_s for t_s, _, _ in session.attitudes if now_s - t_s <= _RATE_S]
-    rate_hz = len(times_s) / _RATE_S
     name = "PX4" if state.autopilot == PX4 else "ArduPilot"
     deaf = obeys_us(state) and not obeys_us(state, response.kind == "velocity")
     lines = [
@@ -41,7 +37,7 @@ def link_checks(
         *_others(session, setup),
         _health(state, now_s),
         _transmitter(state, now_s),
-        telemetry_check(rate_hz, wanted.telemetry_hz, "attitude "),
+        telemetry_check(rate_hz(t_s for t_s, _, _ in session.attitudes), wanted.telemetry_hz, "attitude "),
         Check(
             "round trip", 0.0 < state.round_trip_s <= wanted.round_trip_s,
             f"{1e3 * state.round_trip_s:.0f} ms, at most {1e3 * wanted.round_trip_s:.0f}; 0 is no answer (TIMESYNC)",

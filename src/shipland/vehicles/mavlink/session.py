@@ -15,21 +15,10 @@ from shipland.vehicles.gimbal import Reading
 from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
 from shipland.vehicles.mavlink.guard import Orders
 from shipland.vehicles.mavlink.link import LinkCounts, MavlinkLink
-from shipland.vehicles.mavlink.modes import (
-    ALT_HOLD,
-    BRAKE,
-    GUIDED,
-    GUIDED_NOGPS,
-    LOITER,
-    PX4_ALTITUDE,
-    PX4_AUTO,
-    PX4_HOLD,
-    PX4_OFFBOARD,
-    PX4_POSITION,
-    mode_known,
-)
+from shipland.vehicles.mavlink.modes import GUIDED, GUIDED_NOGPS, PX4_OFFBOARD, mode_known, modes_of
 from shipland.vehicles.mavlink.setpoints import AUTOPILOT, level_message, velocity_message
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState, RefusedError, absorb
+from shipland.vehicles.waiting import wait_until
 from shipland.vehicles.wanted import HOLD
 
 if TYPE_CHECKING:
@@ -155,12 +144,7 @@ class Session:
 
     def wait(self, until: Callable[[AutopilotState], bool], timeout_s: float, otherwise: str) -> None:
         """Wait for the state to become something; VehicleError says what did not come."""
-        end_s = time.monotonic() + timeout_s
-        while not until(self.state):
-            check_stop()
-            if time.monotonic() > end_s:
-                raise VehicleError(f"{otherwise} within {timeout_s:g} s")
-            time.sleep(0.02)
+        wait_until(lambda: until(self.state), timeout_s, lambda: otherwise)
 
     def command(self, number: int, *parameters: float) -> bool:
         """Send COMMAND_LONG; its acknowledgement shows in the state. Whether it was sent.
@@ -200,8 +184,7 @@ class Session:
 
     def ask_guided(self, unless: Callable[[], bool]) -> int:
         """Ask for the mode that obeys us; see `ask`."""
-        mode = (PX4_OFFBOARD, 0) if self.state.autopilot == PX4 else (GUIDED, 0)
-        return self.ask(_SET_MODE, 1, *mode, unless=unless)
+        return self.ask(_SET_MODE, 1, *modes_of(self.state).guided, unless=unless)
 
     def ask_hold(self, is_ours: Callable[[AutopilotState], bool]) -> None:
         """Ask for a mode in which the vehicle holds its place by itself, until it has left ours.
@@ -217,13 +200,9 @@ class Session:
             state = self.state
             if not is_ours(state) or state.denied(_SET_MODE, answers):
                 return
-            if now_s >= again_s and self.command(_SET_MODE, 1, *self._hold_mode):
+            if now_s >= again_s and self.command(_SET_MODE, 1, *modes_of(state).hold):
                 again_s = now_s + _HOLD_AGAIN_S
             time.sleep(0.01)
-
-    @property
-    def _hold_mode(self) -> tuple[int, int]:
-        return (PX4_AUTO, PX4_HOLD) if self.state.autopilot == PX4 else (BRAKE, 0)
 
     def guard_orders(self, setpoint_hz: float, gap_s: float, silence_s: float) -> Orders:
         """What the link's guard is to do without us, on this autopilot; see `Orders`."""
@@ -235,7 +214,7 @@ class Session:
         hold = packed(velocity_message(HOLD, vehicle, 0))
         holds = {str(GUIDED): hold, str(GUIDED_NOGPS): packed(level_message(vehicle))}
         px4 = self.state.autopilot == PX4
-        mode = (1.0, *map(float, self._hold_mode), 0.0, 0.0, 0.0, 0.0)
+        mode = (1.0, *map(float, modes_of(self.state).hold), 0.0, 0.0, 0.0, 0.0)
         ask = dialect.MAVLink_command_long_message(vehicle, AUTOPILOT, _SET_MODE, 0, *mode)
         return Orders(
             own=self.link.own,
@@ -256,12 +235,9 @@ class Session:
         Args:
             attempt: from 0; a mode that keeps the place may be refused for want of one, and then the height is kept.
         """
-        patient = attempt < _PATIENT_HAND_OVERS
-        if self.state.autopilot == PX4:
-            mode = PX4_POSITION if patient else PX4_ALTITUDE
-        else:
-            mode = LOITER if patient else ALT_HOLD
-        return self.command(_SET_MODE, 1, mode, 0)
+        modes = modes_of(self.state)
+        mode = modes.stick_place if attempt < _PATIENT_HAND_OVERS else modes.stick_height
+        return self.command(_SET_MODE, 1, *mode)
 
     def read_parameters(self, names: Sequence[str], enough: Callable[[Mapping[str, float]], bool]) -> dict[str, float]:
         """The values of those parameters that the vehicle has.

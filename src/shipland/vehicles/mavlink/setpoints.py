@@ -10,7 +10,6 @@ AUTOPILOT = dialect.MAV_COMP_ID_AUTOPILOT1
 """Component that set-points and commands are for."""
 BODY_VELOCITY_MASK = 0b010111000111
 """Mask of SET_POSITION_TARGET_LOCAL_NED: only velocity and yaw rate count."""
-_FRAME_BODY_NED = 8
 
 
 def velocity_message(wanted: Wanted, system: int, boot_ms: int) -> Message:
@@ -18,7 +17,7 @@ def velocity_message(wanted: Wanted, system: int, boot_ms: int) -> Message:
     forward, right = (0.0, 0.0) if wanted.hold else (wanted.forward, wanted.right)
     climb, turn = (0.0, 0.0) if wanted.hold else (wanted.climb_mps, wanted.turn_rad_s)
     return dialect.MAVLink_set_position_target_local_ned_message(
-        boot_ms, system, AUTOPILOT, _FRAME_BODY_NED, BODY_VELOCITY_MASK,
+        boot_ms, system, AUTOPILOT, dialect.MAV_FRAME_BODY_NED, BODY_VELOCITY_MASK,
         0.0, 0.0, 0.0, forward, right, -climb, 0.0, 0.0, 0.0, 0.0, turn,
     )  # fmt: skip
 

@@ -134,7 +134,7 @@ def _source(address: Address, setup: VehicleSetup, stream: StreamParameters) -> 
             "file, gst:PIPELINE, or frames:HOST:PORT of `shipland serve-physics`"
         )
     if url.startswith("frames:"):
-        return FrameSource.at(url.removeprefix("frames:"), setup.camera), True
+        return FrameSource.at(url, setup.camera), True
     size_px = setup.camera.width_px, setup.camera.height_px
     return VideoSource(url, stream.latency_s, size_px, stream.open_timeout_s), False
 

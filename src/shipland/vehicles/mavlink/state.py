@@ -7,7 +7,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from shipland.frames import wrap_angle
+from shipland.frames import euler_from_quaternion, wrap_angle
 from shipland.vehicles.mavlink.dialect import Message, dialect
 from shipland.vehicles.mavlink.health import (
     ardupilot_estimator_alert,
@@ -18,8 +18,6 @@ from shipland.vehicles.mavlink.health import (
 
 ARDUPILOT, PX4 = 3, 12
 """MAV_AUTOPILOT of the two that are flown."""
-ARMED_FLAG = 128
-"""MAV_MODE_FLAG_SAFETY_ARMED of a heartbeat's base mode."""
 _NONE_U8, _NONE_U16 = 255, 65535
 _REBOOT_S = 1.0
 """The autopilot's clock went back by so much: it has restarted."""
@@ -29,8 +27,7 @@ _LONGEST_TRIP_S = 2.0
 """Latest answer that counts."""
 _TRIPS = 5
 """Round trips of which the quickest counts; a link that has become slow shows after as many."""
-_AUTOPILOT = 1
-"""MAV_COMP_ID_AUTOPILOT1."""
+_AUTOPILOT = dialect.MAV_COMP_ID_AUTOPILOT1
 _GIMBALS = {_AUTOPILOT, 154, 171, 172, 173, 174, 175}
 """Components that tell a gimbal's attitude: gimbals themselves, and an autopilot for one that speaks no MAVLink."""
 _ANY_COMPONENT = {"GIMBAL_DEVICE_ATTITUDE_STATUS", "RADIO_STATUS"}
@@ -210,7 +207,7 @@ def _alerted(state: AutopilotState, about: str, received_s: float, words: str) -
 
 
 def _heartbeat(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
-    armed = bool(it.base_mode & ARMED_FLAG)
+    armed = bool(it.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
     state = _alerted(state, "autopilot", received_s, heartbeat_alert(it))
     return replace(
         state, heartbeat_s=received_s, autopilot=it.autopilot, kind=it.type, mode=it.custom_mode, armed=armed
@@ -242,7 +239,7 @@ def _hud(state: AutopilotState, it: Message, received_s: float) -> AutopilotStat
 
 
 def _range(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
-    if it.orientation != 25:  # MAV_SENSOR_ROTATION_PITCH_270: downwards
+    if it.orientation != dialect.MAV_SENSOR_ROTATION_PITCH_270:  # downwards
         return state
     known = it.min_distance <= it.current_distance <= it.max_distance
     return replace(state, range_t_s=received_s, range_m=1e-2 * it.current_distance if known else None)
@@ -268,8 +265,7 @@ def _gimbal(state: AutopilotState, it: Message, received_s: float) -> AutopilotS
     w, x, y, z = it.q
     _finite(w, x, y, z, bound=2.0)
     clock, sent_s = state.gimbal_clock.at(it.time_boot_ms, received_s)
-    roll_rad = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    pitch_rad = math.asin(min(1.0, max(-1.0, 2.0 * (w * y - z * x))))
+    roll_rad, pitch_rad, _ = euler_from_quaternion((w, x, y, z))
     return replace(
         state, gimbal=speaker, gimbal_clock=clock, gimbal_t_s=sent_s - 0.5 * state.round_trip_s,
         gimbal_roll_rad=roll_rad, gimbal_pitch_rad=pitch_rad,

@@ -11,12 +11,13 @@ from shipland.stopping import sleep_or_stop
 from shipland.vehicles.hand_over import hand_over_words
 from shipland.vehicles.mavlink.control import Control
 from shipland.vehicles.mavlink.dialect import dialect
-from shipland.vehicles.mavlink.modes import guided_name, mode_name
+from shipland.vehicles.mavlink.modes import mode_name, modes_of
 from shipland.vehicles.mavlink.parameters import MavlinkParameters
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setup import Engagement
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
 from shipland.vehicles.mavlink.telemetry import transmitter_heard
+from shipland.vehicles.waiting import wait_until
 
 _log = logging.getLogger(__name__)
 
@@ -51,18 +52,18 @@ class Taking:
             raise VehicleError("the vehicle is not armed; arm it and take off, or ask for it: takeoff=METRES")
 
     def _await_control(self) -> None:
-        until_s = time.monotonic() + self._timeout_s
-        while not self._control.granted:
+        wait_until(
+            lambda: self._control.granted or self._over(),
+            self._timeout_s,
+            lambda: f"the mode was not given to us ({self._hand_over_words()})",
+        )
+        if not self._control.granted:
             self._refuse_if_over()
-            if time.monotonic() > until_s:
-                words = self._hand_over_words()
-                raise VehicleError(f"the mode was not given to us within {self._timeout_s:g} s: {words}")
-            sleep_or_stop(0.02)
 
     def _hand_over_words(self) -> str:
         """What the operator has to do."""
         state = self._session.state
-        return hand_over_words(guided_name(state), mode_name(state), self._control.obeys(state))
+        return hand_over_words(modes_of(state).guided_name, mode_name(state), self._control.obeys(state))
 
     def _over(self) -> bool:
         return bool(self._control.lost) or self._closed()

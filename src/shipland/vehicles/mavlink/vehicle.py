@@ -20,7 +20,7 @@ from shipland.vehicles.checks import Check
 from shipland.vehicles.gimbal import gimbal_at
 from shipland.vehicles.mavlink.control import Control
 from shipland.vehicles.mavlink.dialect import dialect
-from shipland.vehicles.mavlink.modes import GUIDED_NOGPS, obeys_us, own_landing
+from shipland.vehicles.mavlink.modes import GUIDED_NOGPS, modes_of, obeys_us
 from shipland.vehicles.mavlink.motors import MotorStop
 from shipland.vehicles.mavlink.parameters import (
     ARDUPILOT_NAMES,
@@ -284,7 +284,7 @@ class MavlinkVehicle(SetpointVehicle):
         if not landing:
             self._control.hands_over = False
             return
-        asked = dialect.MAV_CMD_DO_SET_MODE, 1, *own_landing(state)
+        asked = dialect.MAV_CMD_DO_SET_MODE, 1, *modes_of(state).landing
         if now_s - self._handed_s > _HAND_OVER_S and self.session.command(*asked):
             self._control.hands_over, self._handed_s = True, now_s
 

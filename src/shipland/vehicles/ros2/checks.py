@@ -9,23 +9,22 @@ from shipland.vehicles.checks import Check, battery_check, limits_text, telemetr
 from shipland.vehicles.ros2.setup import Ros2Setup
 from shipland.vehicles.ros2.state import Heard
 
-_RATE_S = 2.0
-"""Window in which a rate is counted."""
+_SILENT_S = 2.0
+"""A state that came longer ago is not the present one."""
 
 
 def ros2_checks(heard: Heard, stream: CameraStream, setup: Ros2Setup) -> list[Check]:
     """What is known after a few seconds of listening."""
     wanted, topics, now_s = setup.preflight, setup.topics, time.monotonic()
-    rate_hz, telemetry = heard.attitude_hz(_RATE_S), heard.telemetry_at(now_s)
-    silent_s = now_s - heard.state_s
+    telemetry, silent_s = heard.telemetry_at(now_s), now_s - heard.state_s
     stated = "" if setup.latency_s is None else f", {setup.latency_s:g} s of it stated"
     lines = [
         Check(
-            "state", silent_s <= _RATE_S,
+            "state", silent_s <= _SILENT_S,
             f"/{topics['state']}: mode {heard.mode}, {'armed' if telemetry.flying else 'not armed'}"
-            if silent_s <= _RATE_S else f"/{topics['state']} (mavros_msgs/State) has not come",
+            if silent_s <= _SILENT_S else f"/{topics['state']} (mavros_msgs/State) has not come",
         ),
-        telemetry_check(rate_hz, wanted.telemetry_hz, f"/{topics['odom']}: attitude "),
+        telemetry_check(heard.attitude_hz, wanted.telemetry_hz, f"/{topics['odom']}: attitude "),
         Check(
             "pictures", stream.rate_hz >= wanted.picture_hz,
             f"/{topics['image']}: {stream.rate_hz:.1f} Hz, at least {wanted.picture_hz:g}"

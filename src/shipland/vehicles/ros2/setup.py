@@ -95,12 +95,7 @@ class Ros2Setup:
         latency_s = address.known_number("latency_s")
         if latency_s is not None and not 0.0 <= latency_s <= 3.0:
             raise ConfigError(f"ros2://…?latency_s={latency_s:g}: expected 0 to 3 s")
-        frames = None
-        if "camera" in address.options:
-            url = address.options["camera"]
-            if not url.startswith("frames:"):
-                raise ConfigError(f"ros2://…?camera={url}: expected frames:HOST:PORT; a topic is ?image=/TOPIC")
-            frames = FrameSource.at(url.removeprefix("frames:"), setup.camera)
+        url = address.options.get("camera")
         return Ros2Setup(
             topics=vehicle_topics(address.place.strip("/"), address.options),
             domain=domain_id(address.known_number("domain")),
@@ -108,7 +103,7 @@ class Ros2Setup:
             wait=address.flag("wait"),
             take=address.flag("take"),
             camera=setup.camera if setup.calibrated else None,
-            frames=frames,
+            frames=None if url is None else FrameSource.at(url, setup.camera),
             fixed_pitch_rad=setup.fixed_pitch_rad,
             latency_s=latency_s,
             open_timeout_s=stream.open_timeout_s,

@@ -6,11 +6,11 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 from shipland.messages import GimbalAttitude, Telemetry
+from shipland.vehicles.checks import rate_hz
 from shipland.vehicles.gimbal import Reading, gimbal_at
 from shipland.vehicles.hand_over import HandOver, hand_over_words
 from shipland.vehicles.ros2.conversions import gimbal_of, seconds, with_odometry
@@ -41,7 +41,7 @@ class Heard:
     """
 
     def __init__(self) -> None:
-        self._changed = threading.Condition()
+        self._lock = threading.Lock()
         self._telemetry = Telemetry(0.0, None, None, None, None, None, None, None, flying=False)
         self._attitudes: deque[Reading] = deque(maxlen=_READINGS)
         self._mounts: deque[Reading] = deque(maxlen=_READINGS)
@@ -61,11 +61,10 @@ class Heard:
     def take_odometry(self, odometry: Message) -> None:
         """nav_msgs/Odometry."""
         true_s = self._true_s(seconds(odometry.header.stamp))
-        with self._changed:
+        with self._lock:
             told = self._telemetry = with_odometry(self._telemetry, odometry, true_s)
             if told.roll_rad is not None and told.pitch_rad is not None and told.attitude_t_s == true_s:
                 self._attitudes.append((true_s, told.roll_rad, told.pitch_rad))
-            self._changed.notify_all()
 
     def take_gimbal(self, attitude: Message) -> None:
         """geometry_msgs/QuaternionStamped."""
@@ -82,7 +81,7 @@ class Heard:
 
     def take_state(self, state: Message) -> None:
         """mavros_msgs/State."""
-        with self._changed:
+        with self._lock:
             self._state, self.state_s = state, time.monotonic()
             if self._hand_over is not None:
                 self._hand_over.see(obeys_set_points(state))
@@ -90,25 +89,23 @@ class Heard:
                 self._lose(motors_stopped(self.landing))
             elif self._engaged and not obeys_set_points(state):
                 self._lose(f"the pilot took over: {self.mode}")
-            self._changed.notify_all()
 
     def take_land(self, asked: Message) -> None:
         """std_msgs/Bool: true asks for a landing, false ends it."""
-        with self._changed:
+        with self._lock:
             self.land = bool(asked.data)
             if self._engaged and not self.land:
                 self._lose("ended by /shipland/land")
-            self._changed.notify_all()
 
     def watch_silence(self, timeout_s: float) -> None:
         """Control is gone when the vehicle's state has not come for so long."""
         if self._engaged and time.monotonic() - self.state_s > timeout_s:
-            with self._changed:
+            with self._lock:
                 self._lose(f"link lost: the vehicle's state has not come for {timeout_s:g} s")
 
     def expect(self, asked: bool) -> None:
         """From now on a hand-over counts; `asked` as of `HandOver`."""
-        with self._changed:
+        with self._lock:
             self._hand_over = HandOver(asked)
             if self._state is not None:
                 self._hand_over.see(obeys_set_points(self._state))
@@ -116,7 +113,8 @@ class Heard:
     @property
     def given(self) -> bool:
         """Handed over, and armed, by its own word."""
-        return self._hand_over is not None and self._hand_over.given and bool(self._state.armed)
+        with self._lock:  # not between a state and what it says of the hand-over
+            return self._hand_over is not None and self._hand_over.given and bool(self._state.armed)
 
     @property
     def hand_over_words(self) -> str:
@@ -138,13 +136,8 @@ class Heard:
 
     def begin(self) -> None:
         """From now on it is ours, and what the vehicle says otherwise ends that."""
-        with self._changed:
+        with self._lock:
             self._engaged = True
-
-    def wait(self, until: Callable[[], object], timeout_s: float) -> bool:
-        """Wait for a condition on what was heard; whether it came true."""
-        with self._changed:
-            return bool(self._changed.wait_for(until, timeout_s))
 
     def telemetry_at(self, t_s: float) -> Telemetry:
         """The newest that has come, stamped with `t_s`."""
@@ -166,10 +159,10 @@ class Heard:
         """Whether the camera's mount has told its attitude."""
         return bool(self._mounts)
 
-    def attitude_hz(self, window_s: float) -> float:
-        """Attitudes a second of late."""
-        since_s = time.monotonic() - window_s
-        return sum(1 for true_s, _, _ in list(self._attitudes) if true_s > since_s) / window_s
+    @property
+    def attitude_hz(self) -> float:
+        """Of attitudes; see `checks.rate_hz`."""
+        return rate_hz(true_s for true_s, _, _ in list(self._attitudes))
 
     def _true_s(self, stamp_s: float) -> float:
         """When what is stamped was true; a stamp of another clock counts as now.

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
 
 from shipland.camera import Camera
 from shipland.errors import VehicleError
@@ -15,7 +14,7 @@ from shipland.frames import Array
 from shipland.guidance.response import Response
 from shipland.messages import FlightRecord, GimbalAttitude, Intent, Observation, Telemetry
 from shipland.rig import Rig
-from shipland.stopping import check_stop
+from shipland.stopping import sleep_or_stop
 from shipland.vehicles.address import VehicleSetup
 from shipland.vehicles.camera_stream import PictureSource
 from shipland.vehicles.checks import Check
@@ -30,12 +29,10 @@ from shipland.vehicles.ros2.telling import Telling
 from shipland.vehicles.ros2.types import message
 from shipland.vehicles.setpoint_vehicle import SetpointVehicle
 from shipland.vehicles.vehicle import Vehicle
+from shipland.vehicles.waiting import wait_until
 from shipland.vehicles.wanted import HOLD, Wanted, wanted_of
 
 _log = logging.getLogger(__name__)
-
-_LOOK_S = 0.2
-"""How often a stop is looked for while waiting."""
 
 
 class Ros2Vehicle(SetpointVehicle):
@@ -97,26 +94,30 @@ class Ros2Vehicle(SetpointVehicle):
         if setup.frames is None:
             node.subscribe(topics["image"], image_kind(topics["image"]), self._topic.take)
         self._start_stream(self._source)
-        self._await(lambda: self._camera is not None, lambda: f"/{topics['camera_info']} has not come")
+        wait_until(
+            lambda: self._camera is not None,
+            self._parameters.connect_timeout_s,
+            lambda: self._camera_problem or f"/{topics['camera_info']} has not come",
+        )
         silent = f"/{topics['image']} has not come; `ros2 topic list` shows what there is"
         self._await_picture(setup.open_timeout_s, silent)
 
     def _engage(self) -> None:
         """Wait for `/shipland/land` if that was asked for, and until the vehicle was handed over and is armed."""
         assert self._telling is not None
-        heard, parameters, waits = self._heard, self._parameters, self._setup.wait
+        heard, waits = self._heard, self._setup.wait
         while waits and not heard.land:
             self._telling.state("", "waiting for /shipland/land", time.monotonic())
-            heard.wait(lambda: heard.land, _LOOK_S)
-            check_stop()
+            sleep_or_stop(0.02)
         heard.expect(waits or self._setup.take)
         if not heard.given:
             _log.warning(heard.hand_over_words)
             self._telling.state("", heard.hand_over_words, time.monotonic())
-        self._await(
-            lambda: heard.given, lambda: f"the vehicle was not given to us ({heard.hand_over_words})",
-            parameters.engage_timeout_s,
-        )  # fmt: skip
+        wait_until(
+            lambda: heard.given,
+            self._parameters.engage_timeout_s,
+            lambda: f"the vehicle was not given to us ({heard.hand_over_words})",
+        )
         heard.begin()
         self._begin()
         self._start_set_points("ros2-set-points")
@@ -163,16 +164,6 @@ class Ros2Vehicle(SetpointVehicle):
             self._telling.deck_lies(rig.deck_in_bar_m, time.monotonic())
 
     # Within
-
-    def _await(self, until: Callable[[], bool], otherwise: Callable[[], str], timeout_s: float | None = None) -> None:
-        """Wait for something heard; VehicleError when it does not come."""
-        timeout_s = timeout_s or self._parameters.connect_timeout_s
-        end_s = time.monotonic() + timeout_s
-        check_stop()
-        while not self._heard.wait(until, _LOOK_S) and time.monotonic() < end_s:
-            check_stop()
-        if not until():
-            raise VehicleError(f"{self._camera_problem or otherwise()} within {timeout_s:g} s")
 
     def _take_camera(self, info: object) -> None:
         try:
