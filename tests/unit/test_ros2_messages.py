@@ -124,9 +124,11 @@ def test_tf_places_the_cue_where_the_camera_sees_it() -> None:
     assert bar_from_camera.apply(cue.apply(in_cue_m)) == pytest.approx(np.array([0.2, 0.6, -0.1]))
 
 
-def test_a_covariance_that_is_not_finite_is_sent_finite() -> None:
+def test_what_is_not_known_of_a_pose_is_sent_as_a_huge_variance() -> None:
     sent = sights.cue_pose(BarPose(POSE.position_in_bar_m, 0.1, np.full((4, 4), math.nan), 0.2, np.zeros((8, 2))), 1.0)
-    assert np.isfinite(sent.pose.covariance).all()
+    covariance = sent.pose.covariance.reshape(6, 6)
+    assert (np.diag(covariance)[[0, 1, 2, 5]] > 1e5).all()
+    assert np.isfinite(covariance).all()
 
 
 def test_boxes_carry_their_names() -> None:

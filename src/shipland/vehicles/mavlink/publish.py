@@ -14,6 +14,7 @@ from shipland.vehicles.gimbal import gimbal_at
 from shipland.vehicles.mavlink.dialect import Message, dialect
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
+from shipland.vehicles.told import told_covariance
 
 _LEAST_STD_M, _LEAST_STD_RAD = 0.02, 0.01
 """Least standard deviations that are sent: an outlier that is believed costs more than a wait."""
@@ -67,11 +68,9 @@ def position_estimate(pose: BarPose, state: AutopilotState, mounting: Mounting, 
     north, east, down = (ned_from_bar @ aircraft_in_bar(pose, state, mounting)).tolist()
     covariance = ned_from_bar @ pose.covariance[:3, :3] @ ned_from_bar.T
     full = np.zeros((6, 6))
-    full[:3, :3] = np.where(np.isfinite(covariance), covariance, 0.0)
-    full[:3, :3] += _LEAST_STD_M**2 * np.eye(3)
-    yaw = float(pose.covariance[3, 3])
+    full[:3, :3] = told_covariance(covariance) + _LEAST_STD_M**2 * np.eye(3)
     full[3, 3] = full[4, 4] = _LEVEL_STD_RAD**2
-    full[5, 5] = (yaw if math.isfinite(yaw) else 1.0) + _LEAST_STD_RAD**2
+    full[5, 5] = told_covariance(pose.covariance)[3, 3] + _LEAST_STD_RAD**2
     return dialect.MAVLink_vision_position_estimate_message(
         time_us, north, east, down, state.roll_rad, state.pitch_rad, state.heading_rad,
         full[np.triu_indices(6)].tolist(), 0,

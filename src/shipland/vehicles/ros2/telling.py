@@ -14,6 +14,7 @@ from shipland.frames import FLU_FROM_FRD, Array, Pose, rotation_from_euler
 from shipland.messages import BarPose, Box, Decision, GimbalAttitude, Observation
 from shipland.vehicles.ros2.conversions import CUE, DECK, flu, header, pose_message, transform
 from shipland.vehicles.ros2.types import Message, message
+from shipland.vehicles.told import told_covariance
 
 _STATUS_S = 0.5
 """Longest time from one status to the next, changed or not."""
@@ -104,10 +105,9 @@ class Telling:
 def cue_pose(pose: BarPose, t_s: float) -> Message:
     """geometry_msgs/PoseWithCovarianceStamped: the camera's place in `cue`, and its heading; level."""
     level = Pose(rotation_from_euler(0.0, 0.0, pose.yaw_rad), pose.position_in_bar_m)
-    covariance = np.where(np.isfinite(pose.covariance), pose.covariance, 0.0)
     full, axes = np.zeros((6, 6)), (0, 1, 2, 5)
     turned = np.diag([1.0, -1.0, -1.0, -1.0])  # forward, left, up, counterclockwise
-    full[np.ix_(axes, axes)] = turned @ covariance @ turned
+    full[np.ix_(axes, axes)] = turned @ told_covariance(pose.covariance) @ turned
     full += np.diag([_LEAST_STD_M**2] * 3 + [_LEVEL_STD_RAD**2] * 2 + [_LEAST_STD_RAD**2])
     return message(
         "geometry_msgs/msg/PoseWithCovarianceStamped",
