@@ -4,7 +4,8 @@ question = "Who lands, by scenario and stick?"
 pilots = ["horizon", "paper"]
 runs = 200                  # flights a row, seeds 1 … runs
 minutes = 30
-suite = "near"              # a packaged suite's cells, and
+suite = "near"              # a packaged suite's cells, those alone that
+vision = "geometric"        # sees, where it is given, and
 [[cells]]                   # more of them, as in a suite
 scenarios = ["rig-natops"]
 set = ["wind.mean_mps=0,5"] # several values with commas between: a row each
@@ -107,6 +108,7 @@ def cells_of(path: Path) -> tuple[Cell, ...]:
 
 def _cells(table: dict[str, Any]) -> Iterator[Cell]:
     entries = [vars(entry) for entry in load_suite(table["suite"]).cells] if "suite" in table else []
+    entries = [entry for entry in entries if table.get("vision", entry["vision"]) == entry["vision"]]
     own = {key: name for name, (key, _) in table.get("columns", {}).items()}
     words = WORDS | table.get("words", {})
     for entry in [*entries, *table.get("cells", [])]:

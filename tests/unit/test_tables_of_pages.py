@@ -25,7 +25,7 @@ UNMEASURED = frozenset(
     """
     night
     frigate_recall
-    faults full
+    faults
     frigate wake far_rendered frigate_rendered policies envelope
     """.split()  # noqa: SIM905
 )
