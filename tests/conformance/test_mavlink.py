@@ -155,6 +155,12 @@ def test_a_guided_mode_that_was_set_already_is_not_a_hand_over(kind: str, caplog
         assert commands(autopilot, 176) == []
 
 
+def test_a_hand_over_that_does_not_come_says_what_to_do() -> None:
+    said = pytest.raises(VehicleError, match="GUIDED already: switch out of it and back")
+    with bench(engagement=Engagement(), engage_timeout_s=0.5) as (vehicle, _, _), said:
+        vehicle.open()
+
+
 def test_a_mode_without_a_velocity_loop_is_no_start_for_speeds() -> None:
     port = free_port(socket.SOCK_DGRAM)
     autopilot = StandIn(port, "ardupilot")

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from shipland.stopping import stop_requests
 from shipland.vehicles.address import Address, VehicleSetup, vehicle_table
 from shipland.vehicles.anafi.records import merged, sticks_of, with_metadata
 from shipland.vehicles.anafi.vehicle import AnafiVehicle, anafi
+from shipland.vehicles.gimbal import gimbal_at
 from waiting import until
 
 FAR_END = """
@@ -302,6 +304,14 @@ def test_the_gimbals_age_is_told_with_every_picture(tmp_path: Path) -> None:
         assert ages_s[-1] > 0.1  # it stands still while the pictures go on
 
 
+def test_a_gimbal_is_read_between_its_events() -> None:
+    readings = [(1.0, 0.0, -0.1), (1.2, 0.02, -0.3), (1.4, 0.02, -0.3)]
+    gimbal, age_s = gimbal_at(1.05, [], readings, None)
+    assert (gimbal.roll_rad, gimbal.pitch_rad) == pytest.approx((0.005, -0.15))
+    assert age_s == pytest.approx(0.05)
+    assert gimbal_at(4.4, [], readings, None)[1] == pytest.approx(3.0)
+
+
 def test_the_picture_s_age_says_what_is_stated_and_what_is_measured(tmp_path: Path) -> None:
     with vehicle(tmp_path) as (flown, _):
         flown.connect()
@@ -353,7 +363,10 @@ def test_a_stop_before_the_take_off_is_answered_before_it(tmp_path: Path) -> Non
 
 
 def test_sticks_and_events() -> None:
-    assert sticks_of(PilotCommand(0.0, 10.4, -20.0, math.nan, 20.0, 0.0)) == [0, 0, 0, 0]
+    command = PilotCommand(0.0, 10.4, -20.0, 5.0, 200.0, 0.0)
+    assert sticks_of(command) == [-20, 10, 100, 5]
+    assert sticks_of(replace(command, intent=Intent.HOLD)) == [0, 0, 0, 0]
+    assert sticks_of(replace(command, heave_percent=math.nan)) == [0, 0, 0, 0]
     nothing = Telemetry(0.0, None, None, None, None, None, None, None, flying=False)
     turned = merged(nothing, "attitude", {"roll": 0.0, "pitch": 0.0, "yaw": math.pi / 2}, 3.0)
     moving = merged(turned, "speed", {"speedX": 0.0, "speedY": 2.0, "speedZ": -1.0}, 3.2)

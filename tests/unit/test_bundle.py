@@ -233,7 +233,8 @@ def test_own_code_is_taken_along_and_runs_only_when_asked_for(tmp_path, monkeypa
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / "mine_paper.py").write_text("def paper(setup):\n    raise ValueError('nobody calls it')\n")
     fly(tmp_path / "flown", pilot="mine_paper:paper")
-    assert "code/mine_paper.py" in here("submit", "flown", "--title", "mine", "--out", "mine.zip").stdout
+    made = here("submit", "flown", "--title", "mine", "--out", "mine.zip")
+    assert made.returncode == 0 and "code/mine_paper.py" in made.stdout
     (tmp_path / "mine_paper.py").write_text("raise ValueError('not this one')\n")
     sys.modules.pop("mine_paper", None)
     refused = here("verify", "mine.zip")

@@ -188,6 +188,10 @@ def test_see_prints_one_json_line_a_picture(tmp_path, here):
     done = here("see", tmp_path / "dark.png", "--json")
     assert done.returncode == 0
     line = json.loads(done.stdout)
+    assert list(line) == [
+        "file", "t_s", "found", "reason", "distance_m", "position_in_bar_m", "yaw_deg", "covariance", "reprojection_px",
+        "corners_px", "waves_off",
+    ]  # fmt: skip
     assert "camera: 1280 × 720 px" in done.stderr
     assert line["found"] is False
     assert line["reason"]

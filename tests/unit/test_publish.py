@@ -55,6 +55,7 @@ def test_what_is_not_known_of_a_pose_is_sent_as_a_huge_variance() -> None:
     assert np.isfinite(message.covariance).all()
     assert len(message.covariance) == 21
     assert min(message.covariance[index] for index in (0, 6, 11, 20)) > 1e5
+    assert min(message.covariance[15], message.covariance[18]) > 0.0
     ned_from_bar = rotation_from_euler(0.0, 0.0, STATE.heading_rad - YAW)
     assert np.array([message.x, message.y, message.z]) == pytest.approx(ned_from_bar @ PLACE_M, abs=1e-6)
 
