@@ -107,6 +107,16 @@ def test_after_a_long_silence_the_mode_that_holds_is_asked_for_a_few_times() -> 
     assert (asked.command, asked.param1, asked.param2, asked.param3) == (176, 1.0, BRAKE, 0.0)
 
 
+def test_a_signed_guard_that_has_waited_for_minutes_is_still_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An autopilot refuses a stream that begins a minute behind its own clock, which goes on by GPS."""
+    air = Air(key=KEY)
+    later_s = time.time() + 600.0
+    monkeypatch.setattr(time, "time", lambda: later_s)
+    air.seen.signing.timestamp = int((later_s - 1420070400) * 1e5)
+    air.set_point()
+    assert VELOCITY in air.go(1.0)
+
+
 @pytest.mark.parametrize("autopilot", [3, 12])
 def test_without_our_process_it_holds_at_once_asks_for_the_mode_and_ends(autopilot: int) -> None:
     air = Air(autopilot, OFFBOARD if autopilot == 12 else GUIDED)
@@ -402,6 +412,22 @@ def test_udpout_hears_only_the_stated_peer() -> None:
         until(lambda: session.link.vehicle)
         assert session.link.vehicle == 1
         assert session.link.counts.foreign == 0
+
+
+def test_an_end_that_waits_to_be_spoken_to_hears_us_first() -> None:
+    """A router's server endpoint knows nobody to send the vehicle's heartbeat to until it has heard somebody."""
+    with ExitStack() as stack:
+        stated = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        stated.bind(("127.0.0.1", 0))
+        stated.settimeout(10.0)
+        session = Session(
+            GuardedPort(f"udpout:127.0.0.1:{stated.getsockname()[1]}"), 245, 191, None, None, None, lambda *_: None
+        )
+        stack.callback(session.link.close)
+        with pytest.raises(VehicleError, match="no heartbeat"):
+            session.connect(0.5)
+        (message,), _ = Codec(1, 1).decode_some(stated.recv(1000), stream=False)
+        assert (message.get_type(), message.get_srcSystem()) == ("HEARTBEAT", 245)
 
 
 @pytest.mark.parametrize("kind", ["udp", "tcp", "serial"])

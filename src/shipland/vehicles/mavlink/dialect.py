@@ -22,6 +22,10 @@ _SIGNING_EPOCH_S = 1420070400.0
 """1 January 2015: MAVLink signing counts 10 µs steps since then."""
 
 
+def _signing_stamp() -> int:
+    return int((time.time() - _SIGNING_EPOCH_S) * 1e5)
+
+
 class Codec(dialect.MAVLink):  # type: ignore[misc] # untyped library
     """Messages to bytes and back.
 
@@ -40,7 +44,6 @@ class Codec(dialect.MAVLink):  # type: ignore[misc] # untyped library
         if key is not None:
             signing = self.signing
             signing.secret_key, signing.sign_outgoing, signing.link_id = key, True, link
-            signing.timestamp = int((time.time() - _SIGNING_EPOCH_S) * 1e5)
             signing.allow_unsigned_callback = lambda _codec, message_id: message_id == _RADIO_STATUS
 
     def check_signature(self, msgbuf: bytearray, srcSystem: int, srcComponent: int) -> bool:  # noqa: N803
@@ -54,7 +57,11 @@ class Codec(dialect.MAVLink):  # type: ignore[misc] # untyped library
         return good
 
     def encode(self, message: Message) -> bytes:
-        """The next message's bytes; struct.error, ValueError, TypeError or OverflowError where it has none."""
+        """The next message's bytes; struct.error, ValueError, TypeError or OverflowError where it has none.
+
+        Its signature is stamped with now: an autopilot refuses a stream that begins a minute behind its own clock.
+        """
+        self.signing.timestamp = max(self.signing.timestamp, _signing_stamp())
         data = bytes(message.pack(self))
         self.seq = (self.seq + 1) % 256
         return data

@@ -120,10 +120,19 @@ class Session:
         return answer.target_system in (0, system) and answer.target_component in (0, component)
 
     def connect(self, timeout_s: float) -> None:
-        """Wait for a heartbeat and request messages; VehicleError without a vehicle."""
+        """Wait for a heartbeat, saying ours, and request messages; VehicleError without a vehicle."""
         self.link.start()
+        said_s = -math.inf
+
+        def heard(state: AutopilotState) -> bool:
+            nonlocal said_s
+            if (now_s := time.monotonic()) - said_s >= 1.0:
+                said_s = now_s
+                self.beat()
+            return math.isfinite(state.heartbeat_s)
+
         try:
-            self.wait(lambda state: math.isfinite(state.heartbeat_s), timeout_s, "no heartbeat from an autopilot")
+            self.wait(heard, timeout_s, "no heartbeat from an autopilot")
         except VehicleError as error:
             raise VehicleError(f"{error}; {advice_on_silence(self.link.counts)}") from None
         if self.state.autopilot not in (ARDUPILOT, PX4):
