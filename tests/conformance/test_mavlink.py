@@ -276,6 +276,37 @@ def test_when_it_holds_by_itself_is_not_assumed() -> None:
         assert "GUID_TIMEOUT" in line.words
 
 
+@pytest.mark.parametrize(
+    ("kind", "name", "value", "line", "words"),
+    [
+        ("px4", "COM_OBL_RC_ACT", 5, "own hold", ""),
+        ("px4", "COM_OBL_RC_ACT", 4, "own hold", "it lands then"),
+        ("px4", "COM_OBL_RC_ACT", 7, "own hold", "it stops its motors then"),
+        ("px4", "GF_ACTION", 1, "geofence", "only warns"),
+        ("px4", "GF_ACTION", 4, "geofence", "stops the motors in the air"),
+        ("ardupilot", "FENCE_ACTION", 0, "geofence", "only reports"),
+    ],
+)
+def test_a_failsafe_that_does_not_keep_it_flying_is_no_start(
+    kind: str, name: str, value: int, line: str, words: str
+) -> None:
+    with bench(kind) as (vehicle, autopilot, _):
+        autopilot.say(f"set {name} {value}")
+        vehicle.connect()
+        found = {check.name: check for check in vehicle.checks()}[line]
+        assert found.ok is not bool(words)
+        assert words in found.words
+
+
+def test_what_a_px4_does_without_set_points_is_not_assumed() -> None:
+    with bench("px4") as (vehicle, autopilot, _):
+        autopilot.say("lose COM_OBL_RC_ACT")
+        vehicle.connect()
+        line = {check.name: check for check in vehicle.checks()}["own hold"]
+        assert not line.ok
+        assert "COM_OBL_RC_ACT" in line.words
+
+
 def test_a_check_fails_for_what_has_stopped() -> None:
     with bench() as (vehicle, autopilot, camera):
         vehicle.connect()

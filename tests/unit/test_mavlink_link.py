@@ -407,8 +407,9 @@ def test_limits_are_the_vehicles() -> None:
     px4 = {"MPC_TILTMAX_AIR": 45.0, "MPC_XY_VEL_MAX": 12.0, "MPC_Z_VEL_MAX_UP": 3.0, "MPC_Z_VEL_MAX_DN": 1.0}
     assert VehicleLimits.of(PX4, px4).velocity_reference == "ground"
     assert VehicleLimits.of(PX4, px4 | {"EKF2_GPS_CTRL": 0.0}).velocity_reference == "surface"
-    with pytest.raises(VehicleError, match="clear that bit"):
-        VehicleLimits.of(ARDUPILOT, told | {"GUID_OPTIONS": 8.0})
+    for options in (8.0, 32.0):  # raw thrust; a velocity of zero that does not hold
+        with pytest.raises(VehicleError, match="clear that bit"):
+            VehicleLimits.of(ARDUPILOT, told | {"GUID_OPTIONS": options})
     at_rest = VehicleLimits.of(ARDUPILOT, told | {"WPNAV_SPEED_UP": 0.0})
     with pytest.raises(ConfigError, match="max_climb_mps"):  # thrust would have no meaning
         response_within(MavlinkParameters(), at_rest, ARDUPILOT, packaged_toml("vehicles")["response"])

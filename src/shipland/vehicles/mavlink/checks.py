@@ -45,10 +45,7 @@ def link_checks(
         _pictures(stream, setup, now_s),
         Check("picture's age", stream.age_s <= wanted.picture_age_s, _age_words(stream, setup)),
         Check("limits", True, limits_text(response)),
-        Check(
-            "geofence", limits.fence,
-            "on" if limits.fence else "off on the vehicle: set FENCE_ENABLE = 1 (ArduPilot) or GF_ACTION (PX4)",
-        ),
+        Check("geofence", not limits.fence_problem, limits.fence_problem or "on"),
         battery_check(battery_at(state, now_s), wanted.battery_percent),
         Check(
             "signing", True,
@@ -59,7 +56,9 @@ def link_checks(
             "our own touchdown detection stops them, by force if need be" if setup.parameters.force_disarm
             else "stopped by a plain disarm only (force_disarm = false)",
         ),
-        Check("own hold", limits.hold_after_s <= _LONGEST_OWN_HOLD_S, _own_hold_words(limits)),
+        Check(
+            "own hold", limits.hold_after_s <= _LONGEST_OWN_HOLD_S and not limits.hold_problem, _own_hold_words(limits)
+        ),
     ]  # fmt: skip
     if setup.fixed_pitch_rad is None and not math.isfinite(state.gimbal_t_s) and not setup.brings_gimbal:
         lines.append(Check("gimbal", False, "it does not tell its attitude; a fixed camera is ?mount_deg=PITCH"))
@@ -129,4 +128,5 @@ def _age_words(stream: CameraStream, setup: MavlinkSetup) -> str:
 def _own_hold_words(limits: VehicleLimits) -> str:
     if math.isnan(limits.hold_after_s):
         return "it does not tell GUID_TIMEOUT (ArduPilot) or COM_OF_LOSS_T (PX4): when it holds by itself is unknown"
-    return f"{limits.hold_after_s:g} s after the last set-point, at most {_LONGEST_OWN_HOLD_S:g}"
+    words = f"{limits.hold_after_s:g} s after the last set-point, at most {_LONGEST_OWN_HOLD_S:g}"
+    return "; ".join(filter(None, (words, limits.hold_problem)))

@@ -55,13 +55,13 @@ class MavlinkParameters(SetpointParameters):
 
 ARDUPILOT_NAMES = (
     "ANGLE_MAX", "ATC_ANGLE_MAX", "WPNAV_SPEED", "WPNAV_SPEED_UP", "WPNAV_SPEED_DN", "WP_SPD", "WP_SPD_UP", "WP_SPD_DN",
-    "GUID_OPTIONS", "GUID_TIMEOUT", "MOT_THST_HOVER", "FENCE_ENABLE", "EK3_SRC1_VELXY",
+    "GUID_OPTIONS", "GUID_TIMEOUT", "MOT_THST_HOVER", "FENCE_ENABLE", "FENCE_ACTION", "EK3_SRC1_VELXY",
 )  # fmt: skip
 """Read from an ArduPilot; newer ones have other names, in degrees and metres instead of hundredths."""
 
 PX4_NAMES = (
     "MPC_TILTMAX_AIR", "MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN", "MPC_THR_HOVER", "COM_OF_LOSS_T",
-    "GF_ACTION", "EKF2_GPS_CTRL",
+    "COM_OBL_RC_ACT", "GF_ACTION", "EKF2_GPS_CTRL",
 )  # fmt: skip
 """Read from a PX4."""
 
@@ -74,8 +74,19 @@ _REQUIRED = {
 }  # fmt: skip
 """One parameter of each group must be reported: nothing is assumed of what sticks mean."""
 
-_RAW_THRUST_BIT = 8
-"""GUID_OPTIONS: SET_ATTITUDE_TARGET carries raw thrust."""
+_UNFLOWN_OPTIONS = {
+    3: "makes thrust raw thrust, and climb rates are needed",
+    5: "lets the vehicle drift at a commanded velocity of zero, which is our hold",
+}
+"""GUID_OPTIONS that are not flown with, by their bits."""
+_HOLDING_ACTIONS = (0, 1, 5)
+"""COM_OBL_RC_ACT: POSITION, ALTITUDE, HOLD."""
+_OTHER_ACTIONS = {2: "obeys the sticks alone", 3: "returns", 4: "lands", 6: "stops its motors", 7: "stops its motors"}
+_PX4_FENCE = {
+    0: "off: set GF_ACTION to 2, 3 or 5", 1: "only warns: set GF_ACTION to 2, 3 or 5",
+    4: "stops the motors in the air: set GF_ACTION to 2, 3 or 5",
+}  # fmt: skip
+"""GF_ACTION, where that is no fence that keeps the vehicle flying."""
 
 _OPTICAL_FLOW = 5
 """EK3_SRC1_VELXY: horizontal velocity from optical flow."""
@@ -103,8 +114,9 @@ class VehicleLimits:
     Attributes:
         tilt_rad, speed_mps, up_mps, down_mps: largest; an ArduPilot's speed is infinite where it does not say.
         hover_throttle: 0 … 1; None where it does not say.
-        fence: whether its own geofence is on.
-        hold_after_s: after the last set-point it holds by itself; NaN where it does not say.
+        fence_problem: why its own geofence keeps it from nothing, in words; empty where it does.
+        hold_after_s: after the last set-point it acts by itself; NaN where it does not say.
+        hold_problem: what it does then other than hold, in words; empty where it holds.
         velocity_reference: of its estimate of velocity, as in `Response`.
     """
 
@@ -113,8 +125,9 @@ class VehicleLimits:
     up_mps: float
     down_mps: float
     hover_throttle: float | None
-    fence: bool
+    fence_problem: str
     hold_after_s: float
+    hold_problem: str = ""
     velocity_reference: Literal["ground", "surface"] = "ground"
 
     @staticmethod
@@ -136,14 +149,14 @@ class VehicleLimits:
                 up_mps=values["MPC_Z_VEL_MAX_UP"],
                 down_mps=values["MPC_Z_VEL_MAX_DN"],
                 hover_throttle=values.get("MPC_THR_HOVER"),
-                fence=values.get("GF_ACTION", 0.0) > 0.0,
+                fence_problem=_PX4_FENCE.get(int(values.get("GF_ACTION", 0.0)), ""),
                 hold_after_s=values.get("COM_OF_LOSS_T", math.nan),
+                hold_problem=_hold_problem(values.get("COM_OBL_RC_ACT")),
                 velocity_reference="ground" if values.get("EKF2_GPS_CTRL", 1.0) > 0.0 else "surface",
             )
-        if int(values["GUID_OPTIONS"]) & _RAW_THRUST_BIT:
-            raise VehicleError(
-                "GUID_OPTIONS makes thrust raw thrust (bit 3); climb rates are needed: clear that bit on the vehicle"
-            )
+        for bit, words in _UNFLOWN_OPTIONS.items():
+            if int(values["GUID_OPTIONS"]) >> bit & 1:
+                raise VehicleError(f"GUID_OPTIONS {words} (bit {bit}): clear that bit on the vehicle")
 
         def either(hundredths: str, units: str) -> float:
             return 0.01 * values[hundredths] if hundredths in values else values.get(units, math.inf)
@@ -155,10 +168,27 @@ class VehicleLimits:
             up_mps=either("WPNAV_SPEED_UP", "WP_SPD_UP"),
             down_mps=abs(either("WPNAV_SPEED_DN", "WP_SPD_DN")),
             hover_throttle=hover if hover is not None and 0.05 < hover < 0.95 else None,
-            fence=values.get("FENCE_ENABLE", 0.0) > 0.0,
+            fence_problem=_ardupilot_fence(values),
             hold_after_s=values.get("GUID_TIMEOUT", math.nan),
             velocity_reference="surface" if values.get("EK3_SRC1_VELXY") == _OPTICAL_FLOW else "ground",
         )
+
+
+def _hold_problem(action: float | None) -> str:
+    """What a PX4 does without set-points, in words; empty where it holds."""
+    if action is None:
+        return "it does not tell COM_OBL_RC_ACT: what it does then is unknown"
+    if action in _HOLDING_ACTIONS:
+        return ""
+    words = _OTHER_ACTIONS.get(int(action), "does what is not known here")
+    return f"it {words} then: set COM_OBL_RC_ACT to 5 (hold)"
+
+
+def _ardupilot_fence(values: Mapping[str, float]) -> str:
+    """Why the fence keeps the vehicle from nothing, in words."""
+    if not values.get("FENCE_ENABLE", 0.0) > 0.0:
+        return "off: set FENCE_ENABLE = 1"
+    return "only reports: set FENCE_ACTION above 0" if values.get("FENCE_ACTION") == 0.0 else ""
 
 
 def response_within(
