@@ -60,7 +60,7 @@ class Drone:
         self.domain = domain
         self.node = Node(domain, local=True)
         self.topics = vehicle_topics("drone", {})
-        self.armed = self.guided = True
+        self.armed = self.guided = self.connected = True
         self.mode = "OFFBOARD"
         self.silent = self.frozen = False
         self.stamp_off_s = stamp_off_s
@@ -122,7 +122,13 @@ class Drone:
         )
         self._odom.send(ros.odometry_of(told, now_s))
         self._state.send(
-            message("mavros_msgs/msg/State", armed=self.armed, guided=self.guided, connected=True, mode=self.mode)
+            message(
+                "mavros_msgs/msg/State",
+                armed=self.armed,
+                guided=self.guided,
+                connected=self.connected,
+                mode=self.mode,
+            )
         )
         self._gimbal.send(ros.gimbal_message(GimbalAttitude(0.0, -0.1), now_s))
         self._battery.send(message("sensor_msgs/msg/BatteryState", percentage=0.8))

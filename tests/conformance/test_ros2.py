@@ -96,6 +96,22 @@ def test_a_mode_that_obeys_already_is_not_a_hand_over(mode: str) -> None:
             vehicle.open()
 
 
+def test_an_autopilot_that_the_bridge_finds_again_is_not_handed_over() -> None:
+    with bench(take=False, engage_timeout_s=2.0) as (vehicle, drone):
+        vehicle.connect()
+        assert until(lambda: vehicle.in_command == "the pilot (OFFBOARD)")
+
+        def lose_and_find() -> None:
+            time.sleep(0.5)
+            drone.connected, drone.guided, drone.mode = False, False, ""
+            time.sleep(0.3)
+            drone.connected, drone.guided, drone.mode = True, True, "OFFBOARD"
+
+        threading.Thread(target=lose_and_find).start()
+        with pytest.raises(VehicleError, match="not given to us"):
+            vehicle.open()
+
+
 def test_a_mode_that_is_chosen_once_we_wait_is_a_hand_over() -> None:
     with bench(take=False) as (vehicle, drone):
         vehicle.connect()
@@ -195,6 +211,32 @@ def test_closing_leaves_it_holding(kind: str) -> None:
         assert until(lambda: drone.wanted.forward > 0.0)
         vehicle.close()
         assert until(lambda: drone.wanted.hold)
+
+
+@pytest.mark.parametrize("kind", ["velocity", "attitude"])
+def test_a_flight_that_has_ended_by_itself_leaves_it_holding(kind: str) -> None:
+    """It is closed before the next turn of the set-points."""
+    with bench(f"&kind={kind}", video_timeout_s=0.5, setpoint_hz=5.0) as (vehicle, drone):
+        vehicle.open()
+        drone.frozen = True
+        while vehicle.read() is not None:
+            vehicle.send(command(Intent.LAND))
+        assert vehicle.end_reason.startswith("video lost")
+        vehicle.close()
+        assert until(lambda: drone.wanted.hold)
+
+
+@pytest.mark.parametrize("intent", [Intent.FLY, Intent.LAND])
+def test_an_autopilot_that_the_bridge_has_lost_has_not_landed(intent: Intent) -> None:
+    """Mavros then says once: not connected, not armed, no mode."""
+    with bench() as (vehicle, drone):
+        vehicle.open()
+        vehicle.send(command(intent))
+        assert until(lambda: drone.wanted.forward > 0.0)
+        drone.connected = drone.armed = drone.guided = False
+        drone.mode = ""
+        assert until(lambda: bool(vehicle.end_reason))
+        assert vehicle.end_reason == "link lost: the vehicle's bridge has lost the autopilot"
 
 
 def test_a_landing_is_asked_for_and_ended_by_a_topic() -> None:

@@ -51,7 +51,7 @@ class Heard:
         """When the vehicle's state came last [s]."""
         self.land: bool | None = None
         """What `/shipland/land` said last."""
-        self._engaged = self._our_clock = False
+        self._engaged = self._our_clock = self._bridged = False
         self._hand_over: HandOver | None = None
         self.landing = False
         """Whether the descent that is flown ends on the deck: motors that stop then have landed it."""
@@ -83,9 +83,13 @@ class Heard:
         """mavros_msgs/State."""
         with self._lock:
             self._state, self.state_s = state, time.monotonic()
-            if self._hand_over is not None:
+            self._bridged = self._bridged or bool(state.connected)
+            cut_off = self._bridged and not state.connected  # armed and mode are not the autopilot's word then
+            if self._hand_over is not None and not cut_off:
                 self._hand_over.see(obeys_set_points(state))
-            if self._engaged and not state.armed:
+            if self._engaged and cut_off:
+                self._lose("link lost: the vehicle's bridge has lost the autopilot")
+            elif self._engaged and not state.armed:
                 self._lose(motors_stopped(self.landing))
             elif self._engaged and not obeys_set_points(state):
                 self._lose(f"the pilot took over: {self.mode}")

@@ -130,7 +130,7 @@ class Ros2Vehicle(SetpointVehicle):
         if self._pace is not None:
             self._pace.stop()
         if self._telling is not None and self._engaged:
-            if self._heard.ours and not self._end_reason:
+            if self._heard.ours:  # also after an end of its own: its hold may not have left yet
                 self._end("the flight was ended here; the vehicle holds")
                 self._velocity.send(velocity_message(HOLD, time.time()))
             self._let_motors_stop(False)
