@@ -218,6 +218,31 @@ def test_a_receiver_in_failsafe_has_not_moved_the_sticks() -> None:
         assert vehicle.end_reason == "the pilot moved the sticks"
 
 
+@pytest.mark.parametrize("sticks", ["2110", "1500 890", "1500 1500 2110"])
+def test_a_stick_at_the_end_of_a_long_travel_takes_over(sticks: str) -> None:
+    """Transmitters reach beyond a receiver's usual 950 to 2050 µs, and a stick is there within a tenth of a second."""
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.3, 10.0, 0.0, 0.0, 0.0)
+        autopilot.say(f"sticks {sticks}")
+        assert not fly(vehicle, 3.0, 10.0, 0.0, 0.0, 0.0)
+        assert vehicle.end_reason == "the pilot moved the sticks"
+
+
+@pytest.mark.parametrize(("kind", "name"), [("ardupilot", "RCMAP_ROLL"), ("px4", "RC_MAP_ROLL")])
+def test_sticks_are_where_the_autopilot_has_them(kind: str, name: str) -> None:
+    with bench(kind) as (vehicle, autopilot, _):
+        autopilot.say(f"set {name} 6")
+        autopilot.say("sticks 1100 1500 1500 1500 1500 1500")
+        vehicle.open()
+        assert fly(vehicle, 0.3, 10.0, 0.0, 0.0, 0.0)
+        autopilot.say("sticks 1900")  # a knob
+        assert fly(vehicle, 0.5, 10.0, 0.0, 0.0, 0.0)
+        autopilot.say("sticks 1900 1500 1500 1500 1500 1700")
+        assert not fly(vehicle, 3.0, 10.0, 0.0, 0.0, 0.0)
+        assert vehicle.end_reason == "the pilot moved the sticks"
+
+
 def test_a_pilot_at_the_sticks_gets_a_mode_that_obeys_them_though_requests_are_lost() -> None:
     with bench() as (vehicle, autopilot, _):
         vehicle.open()

@@ -10,7 +10,7 @@ from typing import Literal
 from shipland.config import build, key, parameters, require
 from shipland.errors import VehicleError
 from shipland.guidance.response import Response
-from shipland.vehicles.mavlink.state import ARDUPILOT, PX4
+from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, STICK_NAMES
 from shipland.vehicles.parameters import SetpointParameters, measured
 from shipland.vehicles.priority import First
 
@@ -56,12 +56,13 @@ class MavlinkParameters(SetpointParameters):
 ARDUPILOT_NAMES = (
     "ANGLE_MAX", "ATC_ANGLE_MAX", "WPNAV_SPEED", "WPNAV_SPEED_UP", "WPNAV_SPEED_DN", "WP_SPD", "WP_SPD_UP", "WP_SPD_DN",
     "GUID_OPTIONS", "GUID_TIMEOUT", "MOT_THST_HOVER", "FENCE_ENABLE", "FENCE_ACTION", "EK3_SRC1_VELXY",
+    *STICK_NAMES[ARDUPILOT],
 )  # fmt: skip
 """Read from an ArduPilot; newer ones have other names, in degrees and metres instead of hundredths."""
 
 PX4_NAMES = (
     "MPC_TILTMAX_AIR", "MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN", "MPC_THR_HOVER", "COM_OF_LOSS_T",
-    "COM_OBL_RC_ACT", "GF_ACTION", "EKF2_GPS_CTRL",
+    "COM_OBL_RC_ACT", "GF_ACTION", "EKF2_GPS_CTRL", *STICK_NAMES[PX4],
 )  # fmt: skip
 """Read from a PX4."""
 

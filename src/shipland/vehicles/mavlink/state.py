@@ -35,8 +35,13 @@ _ANY_COMPONENT = {"GIMBAL_DEVICE_ATTITUDE_STATUS", "RADIO_STATUS"}
 _FIRST_BATTERY = 0
 _DONE = (dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_IN_PROGRESS)
 """Answers that do not deny."""
-_STICKS_US = (950, 2050)
-"""Pulse widths of sticks; what lies outside is a receiver's word that it hears no transmitter."""
+_PULSES_US, _LEAST_THROTTLE_US = (800, 2200), 950
+"""Pulse widths of sticks, and of the throttle's; another is a receiver's word that it hears no transmitter."""
+STICK_NAMES = {
+    ARDUPILOT: ("RCMAP_ROLL", "RCMAP_PITCH", "RCMAP_THROTTLE", "RCMAP_YAW"),
+    PX4: ("RC_MAP_ROLL", "RC_MAP_PITCH", "RC_MAP_THROTTLE", "RC_MAP_YAW"),
+}
+"""Parameters that name the sticks' channels, from 1; 0 and what is not told are the usual channel."""
 
 Vector = tuple[float, float, float]
 
@@ -273,9 +278,12 @@ def _gimbal(state: AutopilotState, it: Message, received_s: float) -> AutopilotS
 
 
 def _receiver(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
-    sticks = (it.chan1_raw, it.chan2_raw, it.chan3_raw, it.chan4_raw)
-    reported = it.chancount >= 4 and _NONE_U16 not in sticks
-    moved_by_hand = reported and all(_STICKS_US[0] <= stick <= _STICKS_US[1] for stick in sticks)
+    named = enumerate(STICK_NAMES.get(state.autopilot, STICK_NAMES[ARDUPILOT]), 1)
+    channels = [int(state.parameters.get(name, 0.0)) or usual for usual, name in named]
+    sticks = tuple(int(getattr(it, f"chan{channel}_raw", _NONE_U16)) for channel in channels)
+    reported = it.chancount >= max(channels) and _NONE_U16 not in sticks
+    moved_by_hand = all(_PULSES_US[0] <= stick <= _PULSES_US[1] for stick in sticks) and sticks[2] >= _LEAST_THROTTLE_US
+    moved_by_hand = reported and moved_by_hand
     words = "the receiver is in failsafe" if reported and not moved_by_hand else ""
     state = _alerted(state, "receiver", received_s, words)
     return replace(state, sticks_t_s=received_s, sticks_us=sticks if moved_by_hand else ())
