@@ -23,6 +23,7 @@ from shipland.errors import VehicleError
 from shipland.messages import BarPose, Decision, FlightRecord, Intent, Observation, Override, PilotCommand
 from shipland.rig import Rig
 from shipland.stopping import stop_requests
+from shipland.vehicles.mavlink import taking
 from shipland.vehicles.mavlink.dialect import Codec, dialect
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setup import Engagement
@@ -391,6 +392,13 @@ def test_a_px4_takes_off_in_offboard() -> None:
         assert 22 not in {int(command[0]) for command in report["commands"]}
         assert fly(vehicle, 0.5, 0.0, 0.0, 0.0, 0.0)
         assert autopilot.report()["values"][2] == 0.0
+
+
+def test_a_high_take_off_has_the_time_of_its_climb(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(taking, "_TAKE_OFF_S", 1.0)
+    with bench("px4", engagement=Engagement(take_off_m=12.0), max_climb_mps=0.3) as (vehicle, autopilot, _):
+        vehicle.open()  # from 10 m
+        assert autopilot.report()["up"] > 10.7
 
 
 def test_nothing_is_taken_or_armed_unasked() -> None:

@@ -21,14 +21,22 @@ from shipland.vehicles.waiting import wait_until
 
 _log = logging.getLogger(__name__)
 
+_TAKE_OFF_S = 30.0
+"""Longest time of a take-off beyond its climb."""
+
 
 class Taking:
-    """Waits for the guided mode or asks for it, arms and takes off, as far as that was allowed."""
+    """Waits for the guided mode or asks for it, arms, and takes off at `climb_mps` or more, as far as allowed."""
 
     def __init__(
-        self, session: Session, control: Control, parameters: MavlinkParameters, closed: Callable[[], bool]
+        self,
+        session: Session,
+        control: Control,
+        parameters: MavlinkParameters,
+        climb_mps: float,
+        closed: Callable[[], bool],
     ) -> None:
-        self._session, self._control, self._closed = session, control, closed
+        self._session, self._control, self._climb_mps, self._closed = session, control, climb_mps, closed
         self._timeout_s = parameters.engage_timeout_s
         self.climbing = False
         """In our own take-off."""
@@ -109,6 +117,7 @@ class Taking:
                 if result != 0:
                     raise VehicleError(f"the autopilot does not take off: {'; '.join(session.state.texts[-3:])}")
             near_m = max(0.3, 0.1 * height_m)
-            self._wait(lambda state: state.height_m > height_m - near_m, 30.0, "the take-off did not end")
+            longest_s = _TAKE_OFF_S + height_m / self._climb_mps
+            self._wait(lambda state: state.height_m > height_m - near_m, longest_s, "the take-off did not end")
         finally:
             self.climbing = False

@@ -108,7 +108,8 @@ class MavlinkVehicle(SetpointVehicle):
         self._told = values
         self._response = response_within(parameters, limits, autopilot, self._setup.response_table)
         hover = limits.hover_throttle or parameters.hover_throttle
-        self._taking = Taking(session, self._control, parameters, lambda: self._closed)
+        climb_mps = self._response.max_climb_mps
+        self._taking = Taking(session, self._control, parameters, climb_mps, lambda: self._closed)
         self._motors = MotorStop(session, parameters, self._setup.touchdown, hover)
         self._press_mps = min(self._setup.touchdown.press_mps, limits.down_mps)
         hz, gap_s, silence_s = parameters.setpoint_hz, parameters.setpoint_gap_s, parameters.link_timeout_s
