@@ -12,6 +12,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from ports import free_port
 from shipland.camera import Camera
 from shipland.config import build, packaged_toml
@@ -25,16 +28,17 @@ from shipland.vehicles.touchdown import TouchdownParameters
 
 
 class Blank:
-    """A camera that gives 30 pictures a second without a picture in them, until told to stop."""
+    """A camera that gives 30 pictures a second, none in them unless it is given one, until told to stop."""
 
     def __init__(self) -> None:
         self.closed = self.frozen = False
+        self.picture: npt.NDArray[np.uint8] | None = None
 
     def pictures(self) -> Iterator[StreamedPicture]:
         while not self.closed:
             now_s = time.monotonic()
             if not self.frozen:
-                yield StreamedPicture(None, now_s - 0.1, now_s, GimbalAttitude(0.0, -0.1))
+                yield StreamedPicture(self.picture, now_s - 0.1, now_s, GimbalAttitude(0.0, -0.1))
             time.sleep(1.0 / 30.0)
 
     def close(self) -> None:

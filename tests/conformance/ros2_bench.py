@@ -67,6 +67,7 @@ class Drone:
         self.wanted = HOLD
         self.tilts = self.landing = False
         self.mount: Any = None
+        self._noise = np.random.default_rng(1)
         self._velocity_mps, self._heading_rad, self._height_m = np.zeros(3), 0.3, 5.0
         out, topics = self.node.publisher, self.topics
         self._odom = out(topics["odom"], "nav_msgs/msg/Odometry")
@@ -134,7 +135,7 @@ class Drone:
         self._battery.send(message("sensor_msgs/msg/BatteryState", percentage=0.8))
         self._info.send(images.camera_info(CAMERA, now_s, "camera_optical"))
         if not self.frozen:
-            picture = np.full((CAMERA.height_px, CAMERA.width_px, 3), 90, np.uint8)
+            picture = self._noise.integers(80, 100, (CAMERA.height_px, CAMERA.width_px, 3), np.uint8)
             self._image.send(images.image_message(picture, now_s - 0.02, "camera_optical"))
 
 

@@ -450,6 +450,18 @@ def test_lost_video_leaves_telemetry_and_ends_the_flight_in_time(ended: bool) ->
         assert (report["target"], report["values"], report["mode"]) == ("speed", [0.0, 0.0, 0.0, 0.0], 4)
 
 
+def test_a_picture_that_stands_still_is_none() -> None:
+    with bench(video_timeout_s=1.0) as (vehicle, _, camera):
+        vehicle.open()
+        camera.picture = np.full((36, 64, 3), 90, np.uint8)
+        pictures, end_s = [], time.monotonic() + 10.0
+        while (pair := vehicle.read()) is not None and time.monotonic() < end_s:
+            pictures += [pair[0]] if pair[0] is not None and pair[0].image is not None else []
+            vehicle.send(PilotCommand(pair[1].t_s, 0.0, 0.0, 0.0, 0.0, -0.2, Intent.FLY))
+        assert len(pictures) == 1
+        assert vehicle.end_reason == "video lost: no picture for 1 s; the vehicle holds"
+
+
 def test_a_lost_link_ends_the_flight_and_the_vehicle_holds_by_itself() -> None:
     with bench(link_timeout_s=1.5) as (vehicle, autopilot, _):
         vehicle.open()

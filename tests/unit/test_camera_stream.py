@@ -74,6 +74,22 @@ def test_a_picture_that_stood_in_a_queue_is_refused(late_s: np.ndarray) -> None:
     assert None not in found[320:]
 
 
+def test_pictures_that_come_later_and_later_are_known_to_be_old(late_s: np.ndarray) -> None:
+    """A decoder that is a twentieth too slow has a queue that grows by 50 ms a second, within any window alike."""
+    late_s += 0.05 * np.arange(600) * PERIOD_S
+    found = errors_s(np.arange(600) * PERIOD_S, late_s)
+    assert all(error_s is None or abs(error_s) < 0.11 for error_s in found)
+
+
+@pytest.mark.parametrize("drift", [0.001, -0.001])
+def test_a_stream_whose_clock_runs_at_another_rate_is_followed(drift: float, late_s: np.ndarray) -> None:
+    """Of 30 pictures a second, as stamped, there are 29.97."""
+    late_s = np.resize(late_s, 18_000)
+    found = errors_s(np.arange(18_000) * PERIOD_S * (1.0 - drift), late_s)
+    assert None not in found
+    assert max(map(abs, found)) < 0.08
+
+
 class Camera:
     """A source that does at each opening what it is told to."""
 
@@ -165,6 +181,26 @@ def test_closing_ends_the_wait_for_a_camera() -> None:
     assert until(lambda: stream.problem == "connection refused")
     stream.close()
     assert not stream._thread.is_alive()
+
+
+def test_a_source_whose_pictures_all_come_too_late_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    source, now_s = VideoSource("rtsp://camera/live", LATENCY_S, (64, 36), 5.0), 100.0
+
+    def slow() -> Iterator[tuple[np.ndarray, float]]:
+        nonlocal now_s
+        begun_s = now_s
+        for index in range(3000):
+            now_s = begun_s + 1.1 * index * PERIOD_S
+            yield np.zeros((36, 64, 3), np.uint8), index * PERIOD_S
+
+    monkeypatch.setattr(source, "_decoded", slow)
+    monkeypatch.setattr(time, "monotonic", lambda: now_s)
+    for _ in range(2):
+        opened_s = now_s
+        with pytest.raises(VehicleError, match="come more than 1 s late"):
+            for picture in source.pictures():
+                age_s = LATENCY_S + 0.1 / 1.1 * (now_s - opened_s)
+                assert now_s - picture.exposed_s == pytest.approx(age_s, abs=0.05)
 
 
 def test_a_live_source_fails_at_its_end_and_a_file_is_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,8 +27,12 @@ _LEAST_GATE_S = 0.1
 """Least gate: a stamp that is ahead of the median by less counts as jitter."""
 _STEP = 3
 """Consecutive implausible stamps that agree: from this many on, the stream's clock has stepped."""
+_DRIFT = 0.002
+"""Rate at which a stream's clock may run away from ours; what falls behind faster is a latency that grows."""
 _LATEST_S = 1.0
 """A picture that came later than the quickest by more than this is refused: it stood in a queue."""
+_REFUSED_S = 2.0
+"""A source whose pictures are all refused for so long is opened again: that empties the queue."""
 _REOPEN_S, _LONGEST_REOPEN_S = 0.5, 2.0
 """Time until a failed source is opened again, and its largest value after repeated doubling."""
 _REOPEN_TIMEOUT_S = 3.0
@@ -180,19 +184,23 @@ class ExposureClock:
     Without it the jitter of network and decoder would be taken for motion. The offset of the two clocks is receipt
     minus stamp, and no picture is quicker than the quickest: a stamp whose offset lies far below the median's, or that
     goes back, is not used, and its picture is refused. Where such stamps go on and agree with one another the
-    stream's clock has stepped, and its offset is found again.
+    stream's clock has stepped, and its offset is found again. The quickest offset rises by the clocks' drift at most:
+    pictures that come later and later, as by a decoder that is too slow, are known to be old.
     """
 
     def __init__(self, latency_s: float) -> None:
         self._latency_s = latency_s
         self._offsets: deque[tuple[float, float]] = deque()
         self._implausible: deque[tuple[float, float]] = deque(maxlen=_STEP)
+        self._quickest: tuple[float, float] = -math.inf, math.inf
+        """When it was found, and the least offset of the two clocks."""
         self._stamp_s = self._last_s = -math.inf
 
     def begin(self) -> None:
         """The stream is opened again: its stamps begin again."""
         self._offsets.clear()
         self._implausible.clear()
+        self._quickest = -math.inf, math.inf
         self._stamp_s = -math.inf
 
     def exposed_s(self, stamp_s: float | None, arrived_s: float) -> float | None:
@@ -209,11 +217,20 @@ class ExposureClock:
         if stamp_s is not None and math.isfinite(stamp_s):
             if not self._admits(stamp_s, arrived_s):
                 return None
-            exposed_s = stamp_s + min(offset_s for _, offset_s in self._offsets) - self._latency_s
+            exposed_s = stamp_s + self._quickest_s(arrived_s) - self._latency_s
             if arrived_s - exposed_s > self._latency_s + _LATEST_S:
                 return None
         self._last_s = max(exposed_s, self._last_s + 1e-4)
         return self._last_s
+
+    def _quickest_s(self, arrived_s: float) -> float:
+        """The least offset, of the last while or drifted since."""
+        found_s, least_s = self._quickest
+        late_s = min(offset_s for _, offset_s in self._offsets)
+        if math.isfinite(least_s):
+            late_s = min(late_s, least_s + _DRIFT * max(0.0, arrived_s - found_s))
+        self._quickest = arrived_s, late_s
+        return late_s
 
     def _admits(self, stamp_s: float, arrived_s: float) -> bool:
         """Whether a stamp is plausible by those before, which it then joins."""
@@ -225,7 +242,7 @@ class ExposureClock:
             implausible_s = [offset_s for _, offset_s in self._implausible]
             if len(implausible_s) < _STEP or max(implausible_s) - min(implausible_s) > _LEAST_GATE_S:
                 return False
-            self._offsets = deque(self._implausible)
+            self._offsets, self._quickest = deque(self._implausible), (-math.inf, math.inf)
         else:
             self._offsets.append(known)
         self._implausible.clear()
@@ -269,6 +286,7 @@ class VideoSource(PictureSource):
     def pictures(self) -> Iterator[StreamedPicture]:
         """See `PictureSource`."""
         self._clock.begin()
+        used_s = math.inf
         decoded = self._gstreamer() if self._url.startswith("gst:") else self._decoded()
         for image, stamp_s in decoded:
             arrived_s = time.monotonic()
@@ -277,7 +295,10 @@ class VideoSource(PictureSource):
                 raise VehicleError(wrong)
             exposed_s = self._clock.exposed_s(stamp_s, arrived_s)
             if exposed_s is not None:
+                used_s = arrived_s
                 yield StreamedPicture(image, exposed_s, arrived_s)
+            elif self._live and arrived_s - used_s > _REFUSED_S:
+                raise VehicleError(f"camera {self._url}: its pictures come more than {_LATEST_S:g} s late")
             if self._closed:
                 return
         if self._live and not self._closed:

@@ -11,6 +11,9 @@ import time
 from abc import abstractmethod
 from collections import deque
 
+import numpy as np
+import numpy.typing as npt
+
 from shipland.errors import VehicleError
 from shipland.messages import Frame, GimbalAttitude, GroundTruth, PilotCommand, Telemetry, TouchdownVerdict
 from shipland.vehicles.camera_stream import CameraStream, PictureSource
@@ -35,6 +38,7 @@ class SetpointVehicle(LinkVehicle):
         self._parameters = parameters
         self._stream: CameraStream | None = None
         self._given_s, self._pictured_s = -math.inf, time.monotonic()
+        self._image: npt.NDArray[np.uint8] | None = None
         self._truths: deque[tuple[float, GroundTruth]] = deque(maxlen=_REMEMBERED)
         self._pace: Pace | None = None
         self._lock = threading.Lock()
@@ -66,10 +70,10 @@ class SetpointVehicle(LinkVehicle):
             return None
         if not self.end_reason:
             until_s = time.monotonic() + LONGEST_WAIT_S
-            frame = self.look(LONGEST_WAIT_S)
-            if frame is not None:
-                self._pictured_s = time.monotonic()
-                return frame, self.telemetry_at(self._pictured_s)
+            while (frame := self.look(max(0.0, until_s - time.monotonic()))) is not None:
+                if self._is_another(frame):
+                    self._pictured_s = time.monotonic()
+                    return frame, self.telemetry_at(self._pictured_s)
             judged = bool(stream.problem) and stream.verdict() is not None
             if not judged and time.monotonic() - self._pictured_s <= timeout_s:
                 time.sleep(max(0.0, until_s - time.monotonic()))  # a stream that has ended does not wait
@@ -80,6 +84,14 @@ class SetpointVehicle(LinkVehicle):
             while stream.verdict() is None and not stream.problem and time.monotonic() < until_s:
                 time.sleep(0.05)
         return None
+
+    def _is_another(self, frame: Frame) -> bool:
+        """Whether a picture differs from the one before: no two of a camera have the same noise.
+
+        A decoder or a grabber that has lost its camera shows the last picture again, with new times.
+        """
+        before, self._image = self._image, frame.image
+        return frame.image is None or before is None or not np.array_equal(frame.image, before)
 
     def look(self, timeout_s: float) -> Frame | None:
         """The newest picture not given, without flying: only connected. None when none comes in time."""
