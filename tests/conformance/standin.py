@@ -8,8 +8,9 @@ Words on standard input: `mode N`, `sticks ROLL PITCH THROTTLE YAW` (pulse width
 receiver), `silent S`, `mute S` (it hears and obeys, and says nothing), `lag S` (what it says comes so late), `set NAME
 VALUE` (of a parameter), `reboot`, `deck` (a moving deck just below), `updraft` (it sinks evenly at 0.59 of the hover
 throttle), `lose NAME` (no answer for that parameter), `deaf N` (the next N requests for a mode are lost), `deny MODE`
-(requests for it are denied), `sick` (an unhealthy gyroscope), `well`, `report`. `report` answers a line of JSON on
-standard output.
+(requests for it are denied), `withhold NAME` (messages that it does not send), `refuse NUMBER` (commands that it
+denies), `miss NUMBER` (the next such command is lost), `sick` (an unhealthy gyroscope), `well`, `report`. `report`
+answers a line of JSON on standard output.
 """
 
 from __future__ import annotations
@@ -62,6 +63,9 @@ class Autopilot:
         self.unanswered: set[str] = set()
         self.sick, self.deaf = False, 0
         self.denied: set[int] = set()
+        self.withheld: set[str] = set()
+        self.refused: set[int] = set()
+        self.missed: set[int] = set()
         self.north = self.east = 0.0
         self.up = 10.0
         self.velocity = [0.0, 0.0, 0.0]  # north, east, up
@@ -123,7 +127,12 @@ class Autopilot:
     def on_command_long(self, it: Any) -> None:
         self.commands.append([it.command, it.param1, it.param2])
         result = 0
-        if it.command == 400:
+        if it.command in self.missed:
+            self.missed.discard(it.command)
+            return
+        if it.command in self.refused:
+            result = 4
+        elif it.command == 400:
             result = self.arm(it.param1, it.param2)
         elif it.command == 176 and self.deaf:
             self.deaf -= 1
@@ -216,6 +225,8 @@ class Autopilot:
     # out
 
     def send(self, message: Any) -> None:
+        if message.get_type() in self.withheld:
+            return
         if time.monotonic() > max(self.silent_until_s, self.mute_until_s):
             data = message.pack(self.out)
             self.out.seq = (self.out.seq + 1) % 256
@@ -283,6 +294,10 @@ class Autopilot:
             self.unanswered.add(words[1])
         elif words[0] == "deny":
             self.denied = {int(words[1])}
+        elif words[0] in ("refuse", "miss"):
+            (self.refused if words[0] == "refuse" else self.missed).add(int(words[1]))
+        elif words[0] == "withhold":
+            self.withheld = set(words[1:])
         elif words[0] == "deaf":
             self.deaf = int(words[1])
         elif words[0] in ("sick", "well"):

@@ -344,6 +344,18 @@ def test_a_check_fails_for_what_has_stopped() -> None:
         until(lambda: not any(lines()[name] for name in names))
 
 
+def test_messages_without_which_no_touchdown_is_seen_are_missed() -> None:
+    """An ArduPilot without an origin sends no LOCAL_POSITION_NED, and a request for a rate may be lost."""
+    with bench() as (vehicle, autopilot, _):
+        vehicle.connect()
+        words = lambda: {check.name: check.words for check in vehicle.checks()}["messages"]  # noqa: E731
+        until(lambda: "WARNING" not in words())
+        autopilot.say("withhold LOCAL_POSITION_NED")
+        until(lambda: "LOCAL_POSITION_NED 0 Hz" in words())
+        assert "no touchdown is seen" in words()
+        assert "a takeover" not in words()
+
+
 def test_the_pictures_age_is_not_called_measured_where_it_was_stated() -> None:
     with bench() as (vehicle, _, _):
         vehicle.connect()

@@ -20,6 +20,13 @@ _LONGEST_OWN_HOLD_S = 5.0
 """An autopilot that flies the last set-point for longer goes too far with it."""
 _THROTTLE_US = (1300, 1700)
 """A throttle stick in the middle: LOITER neither sinks nor climbs by it."""
+_NEEDED_HZ = 5.0
+_NEEDED_FOR = {
+    "HEARTBEAT": "a takeover by mode is seen late",
+    "LOCAL_POSITION_NED": "no touchdown is seen, and no motor stopped",
+    "VFR_HUD": "no touchdown is seen, and no motor stopped",
+}
+"""What becomes of a flight in which a message comes less often."""
 
 
 def link_checks(
@@ -38,6 +45,7 @@ def link_checks(
         _health(state, now_s),
         _transmitter(state, now_s),
         telemetry_check(rate_hz(t_s for t_s, _, _ in session.attitudes), wanted.telemetry_hz, "attitude "),
+        _messages(session),
         Check(
             "round trip", 0.0 < state.round_trip_s <= wanted.round_trip_s,
             f"{1e3 * state.round_trip_s:.0f} ms, at most {1e3 * wanted.round_trip_s:.0f}; 0 is no answer (TIMESYNC)",
@@ -63,6 +71,16 @@ def link_checks(
     if setup.fixed_pitch_rad is None and not math.isfinite(state.gimbal_t_s) and not setup.brings_gimbal:
         lines.append(Check("gimbal", False, "it does not tell its attitude; a fixed camera is ?mount_deg=PITCH"))
     return lines
+
+
+def _messages(session: Session) -> Check:
+    """Requested messages may have been refused, or the requests lost."""
+    found_hz = {name: rate_hz(session.came_s(name)) for name in _NEEDED_FOR}
+    words = ", ".join(f"{name} {hz:.0f} Hz" for name, hz in found_hz.items())
+    lacking = dict.fromkeys(text for name, text in _NEEDED_FOR.items() if found_hz[name] < _NEEDED_HZ)
+    if lacking:
+        words = f"WARNING: {words}, at least {_NEEDED_HZ:g}: {'; '.join(lacking)}"
+    return Check("messages", True, words)
 
 
 def _others(session: Session, setup: MavlinkSetup) -> list[Check]:

@@ -41,6 +41,8 @@ _PARAMETERS_S = 3.0
 """Timeout of the answers for parameters."""
 _HISTORY = 512
 """Attitudes that are kept: ten seconds."""
+_COUNTED = ("HEARTBEAT", "LOCAL_POSITION_NED", "VFR_HUD")
+"""The autopilot's messages whose receipts are kept: by them a takeover and a touchdown are seen."""
 _PATIENT_HAND_OVERS = 3
 """Requests for a mode that keeps the place, for a pilot at the sticks, before one that keeps the height."""
 _MULTICOPTERS = {2, 3, 4, 13, 14, 15, 29, 35, 43}
@@ -84,6 +86,7 @@ class Session:
         self._lock = threading.Lock()
         self._attitudes: deque[Reading] = deque(maxlen=_HISTORY)
         self._mounts: deque[Reading] = deque(maxlen=_HISTORY)
+        self._came = {name: deque[float](maxlen=_HISTORY) for name in _COUNTED}
 
     @property
     def attitudes(self) -> list[Reading]:
@@ -97,6 +100,11 @@ class Session:
         with self._lock:
             return list(self._mounts)
 
+    def came_s(self, name: str) -> list[float]:
+        """When the newest of the counted messages came."""
+        with self._lock:
+            return list(self._came[name])
+
     def _take(self, message: Message, received_s: float) -> None:
         before = self.state
         if message.get_type() == "COMMAND_ACK" and not self._is_for_us(message):
@@ -107,6 +115,8 @@ class Session:
             self.refused += 1
             return
         with self._lock:
+            if message.get_type() in self._came and after is not before:
+                self._came[message.get_type()].append(received_s)
             if after.attitude_t_s != before.attitude_t_s and math.isfinite(after.attitude_t_s):
                 self._attitudes.append((after.attitude_t_s, after.roll_rad, after.pitch_rad))
             if after.gimbal_t_s != before.gimbal_t_s and math.isfinite(after.gimbal_t_s):
