@@ -24,6 +24,7 @@ from shipland.messages import BarPose, Decision, FlightRecord, Intent, Observati
 from shipland.rig import Rig
 from shipland.stopping import stop_requests
 from shipland.vehicles.mavlink import taking
+from shipland.vehicles.mavlink.checks import gimbal_check
 from shipland.vehicles.mavlink.dialect import Codec, dialect
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setup import Engagement
@@ -342,6 +343,18 @@ def test_a_check_fails_for_what_has_stopped() -> None:
         camera.frozen = True
         autopilot.say("silent 60")
         until(lambda: not any(lines()[name] for name in names))
+
+
+def test_the_gimbal_is_asked_for_again_where_that_is_lost_and_a_refusal_is_said() -> None:
+    number = dialect.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE
+    for word, asked, words in (("miss", 2, "and is ours to turn"), ("refuse", 1, "WARNING: it is not ours to turn (MAV_RES")):
+        with bench() as (vehicle, autopilot, _):
+            autopilot.say(f"{word} {number}")
+            vehicle.connect()
+            assert len(commands(autopilot, number)) == asked
+            line = gimbal_check(replace(vehicle.session.state, gimbal_t_s=time.monotonic()))
+            assert line.ok
+            assert words in line.words
 
 
 def test_messages_without_which_no_touchdown_is_seen_are_missed() -> None:

@@ -68,9 +68,21 @@ def link_checks(
             "own hold", limits.hold_after_s <= _LONGEST_OWN_HOLD_S and not limits.hold_problem, _own_hold_words(limits)
         ),
     ]  # fmt: skip
-    if setup.fixed_pitch_rad is None and not math.isfinite(state.gimbal_t_s) and not setup.brings_gimbal:
-        lines.append(Check("gimbal", False, "it does not tell its attitude; a fixed camera is ?mount_deg=PITCH"))
+    if setup.fixed_pitch_rad is None and not setup.brings_gimbal:
+        lines.append(gimbal_check(state))
     return lines
+
+
+def gimbal_check(state: AutopilotState) -> Check:
+    """Whether it tells its attitude, and obeys us."""
+    if not math.isfinite(state.gimbal_t_s):
+        return Check("gimbal", False, "it does not tell its attitude; a fixed camera is ?mount_deg=PITCH")
+    result, _ = state.acknowledged.get(dialect.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE, (-1, 0))
+    if result == dialect.MAV_RESULT_ACCEPTED:
+        return Check("gimbal", True, "it tells its attitude, and is ours to turn")
+    denied = "no answer" if result < 0 else f"MAV_RESULT {result}"
+    words = f"WARNING: it is not ours to turn ({denied}): low over the deck the cue leaves a picture that stays"
+    return Check("gimbal", True, words)
 
 
 def _messages(session: Session) -> Check:

@@ -158,7 +158,7 @@ class Session:
         for name, rate_hz in _STREAMS_HZ.items():
             number = getattr(dialect, f"MAVLINK_MSG_ID_{name}")
             self.ask(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, 1e6 / rate_hz, timeout_s=_STREAM_ANSWER_S)
-        self.command(dialect.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE, *self.link.own, -1, -1)
+        self.ask(dialect.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE, *self.link.own, -1, -1, timeout_s=_STREAM_ANSWER_S)
         self.wait(lambda state: math.isfinite(state.attitude_t_s), timeout_s, "no attitude from the vehicle")
 
     def wait(self, until: Callable[[AutopilotState], bool], timeout_s: float, otherwise: str) -> None:
