@@ -347,7 +347,7 @@ def test_a_check_fails_for_what_has_stopped() -> None:
 
 def test_the_gimbal_is_asked_for_again_where_that_is_lost_and_a_refusal_is_said() -> None:
     number = dialect.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE
-    for word, asked, words in (("miss", 2, "and is ours to turn"), ("refuse", 1, "WARNING: it is not ours to turn (MAV_RES")):
+    for word, asked, words in (("miss", 2, "and is ours"), ("refuse", 1, "WARNING: it is not ours to turn (MAV_RES")):
         with bench() as (vehicle, autopilot, _):
             autopilot.say(f"{word} {number}")
             vehicle.connect()

@@ -331,6 +331,26 @@ def test_a_hand_over_is_a_change_and_a_takeover_is_for_good() -> None:
     assert (control.has(guided), control.lost) == (False, "the pilot took over: LOITER")
 
 
+def test_a_vtol_in_forward_flight_is_not_ours() -> None:
+    made, _ = session()
+    feed(made, m.MAVLink_heartbeat_message(22, PX4, 129, 6 << 16, 4, 3), 100.0)
+    hovers = m.MAVLink_extended_sys_state_message(m.MAV_VTOL_STATE_MC, 2)
+    forward = m.MAVLink_extended_sys_state_message(m.MAV_VTOL_STATE_FW, 2)
+    control = Control(80)
+    control.begin(made.state, asking=True)
+    feed(made, forward, 100.1)
+    before = made.state
+    control.see(before, before)
+    assert not control.granted
+    feed(made, hovers, 100.2)
+    control.see(before, made.state)
+    assert control.has(made.state)
+    before = made.state
+    feed(made, m.MAVLink_extended_sys_state_message(m.MAV_VTOL_STATE_TRANSITION_TO_FW, 2), 100.3)
+    control.see(before, made.state)
+    assert control.lost == "the pilot took over: OFFBOARD in forward flight"
+
+
 def test_a_mode_without_a_velocity_loop_is_none_of_ours_where_sticks_are_speeds() -> None:
     loiter, guided, nogps = (AutopilotState(autopilot=ARDUPILOT, mode=mode, armed=True) for mode in (5, 4, 20))
     for by_speed in (False, True):

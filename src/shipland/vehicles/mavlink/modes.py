@@ -59,11 +59,17 @@ def mode_name(state: AutopilotState) -> str:
         number, sub = (state.mode >> 16) & 0xFF, (state.mode >> 24) & 0xFF
         if number == _PX4_AUTO:
             return f"AUTO {sub}"
-    return _NAMES.get(state.autopilot, {}).get(number, f"mode {number}")
+    name = _NAMES.get(state.autopilot, {}).get(number, f"mode {number}")
+    return f"{name} in forward flight" if state.forward else name
 
 
 def obeys_us(state: AutopilotState, by_speed: bool = False) -> bool:
-    """Whether the mode obeys our set-points; `by_speed`: velocities, which GUIDED_NOGPS does not fly."""
+    """Whether the mode obeys our set-points; `by_speed`: velocities, which GUIDED_NOGPS does not fly.
+
+    A VTOL in forward flight does not: a velocity of zero is no hold there.
+    """
+    if state.forward:
+        return False
     if state.autopilot == PX4:
         return (state.mode >> 16) & 0xFF == PX4_OFFBOARD
     return state.mode == GUIDED or (state.mode == GUIDED_NOGPS and not by_speed)

@@ -30,7 +30,7 @@ _SET_MODE = dialect.MAV_CMD_DO_SET_MODE
 _STREAMS_HZ = {
     "HEARTBEAT": 10, "ATTITUDE": 50, "LOCAL_POSITION_NED": 50, "GLOBAL_POSITION_INT": 20, "VFR_HUD": 25,
     "BATTERY_STATUS": 1, "RC_CHANNELS": 10, "DISTANCE_SENSOR": 20, "GIMBAL_DEVICE_ATTITUDE_STATUS": 30, "SYS_STATUS": 2,
-    "EKF_STATUS_REPORT": 2, "ESTIMATOR_STATUS": 2,
+    "EKF_STATUS_REPORT": 2, "ESTIMATOR_STATUS": 2, "EXTENDED_SYS_STATE": 5,
 }  # fmt: skip
 """Requested messages and their rates [Hz]; a change of mode is seen at the next heartbeat."""
 _STREAM_ANSWER_S = 1.5

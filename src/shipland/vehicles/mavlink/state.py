@@ -19,6 +19,9 @@ from shipland.vehicles.mavlink.health import (
 ARDUPILOT, PX4 = 3, 12
 """MAV_AUTOPILOT of the two that are flown."""
 _NONE_U8, _NONE_U16 = 255, 65535
+_FORWARD = (
+    dialect.MAV_VTOL_STATE_TRANSITION_TO_FW, dialect.MAV_VTOL_STATE_TRANSITION_TO_MC, dialect.MAV_VTOL_STATE_FW,
+)  # fmt: skip
 _REBOOT_S = 1.0
 """The autopilot's clock went back by so much: it has restarted."""
 _WINDOW_S = 1.0
@@ -87,6 +90,7 @@ class AutopilotState:
         kind: MAV_TYPE.
         mode: custom mode.
         armed: motors may run.
+        forward: a VTOL that flies as an aeroplane, or changes into one or back.
         clock: the autopilot's.
         trips_s: the last round trips.
         asked_s: when we asked the newest question of the time that was answered: what comes now is no older.
@@ -117,6 +121,7 @@ class AutopilotState:
     kind: int = 0
     mode: int = -1
     armed: bool = False
+    forward: bool = False
     clock: Clock = Clock()
     trips_s: tuple[float, ...] = ()
     asked_s: float = math.nan
@@ -217,6 +222,10 @@ def _heartbeat(state: AutopilotState, it: Message, received_s: float) -> Autopil
     return replace(
         state, heartbeat_s=received_s, autopilot=it.autopilot, kind=it.type, mode=it.custom_mode, armed=armed
     )
+
+
+def _extended(state: AutopilotState, it: Message, _received_s: float) -> AutopilotState:
+    return replace(state, forward=it.vtol_state in _FORWARD)
 
 
 def _attitude(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
@@ -323,6 +332,7 @@ def _alerting(about: str, words_of: Callable[[Message], str]) -> _Handler:
 
 _HANDLERS: dict[str, _Handler] = {
     "HEARTBEAT": _heartbeat,
+    "EXTENDED_SYS_STATE": _extended,
     "ATTITUDE": _attitude,
     "LOCAL_POSITION_NED": _local_position,
     "GLOBAL_POSITION_INT": _global_position,

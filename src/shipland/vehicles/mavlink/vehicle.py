@@ -262,10 +262,10 @@ class MavlinkVehicle(SetpointVehicle):
         """Whether set-points may leave: control is ours now.
 
         A PX4 wants them before it gives OFFBOARD, and to climb, for its own take-off would leave OFFBOARD. In an
-        OFFBOARD that was not given to us they may be another's.
+        OFFBOARD that was not given to us they may be another's; in forward flight none is wanted.
         """
         if state.autopilot == PX4 and self._opening and not (self._control.granted or self._end_reason):
-            return self._control.asking or not obeys_us(state)
+            return self._control.asking or not (obeys_us(state) or state.forward)
         return self._control.has(state) and (self._engaged or state.autopilot == PX4)
 
     def _set_point(self, wanted: Wanted, state: AutopilotState, step_s: float, boot_ms: int) -> None:
