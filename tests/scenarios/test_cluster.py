@@ -1,8 +1,11 @@
 """The bench on a Ray cluster of two machines, one of which dies half-way: every flight is flown and counts once."""
 
+from types import SimpleNamespace
+
 import pytest
 
-from shipland.errors import ConfigError
+from shipland.errors import ConfigError, DataError
+from shipland.evaluation import cluster as clusters
 from shipland.evaluation.campaign import CampaignPlan, open_campaign, processes, read_cells
 from shipland.evaluation.cluster import cluster
 from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of
@@ -42,6 +45,36 @@ def test_a_machine_that_dies_costs_nothing(plan, tmp_path):
         list(bench.fly(processes(1)))
     (alone,) = read_cells([here.out])
     assert str(alone.landings) == str(there.landings)  # NaN is not equal to itself; its text is
+
+
+def test_a_machine_with_another_pilot_of_that_name_is_refused(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(tmp_path))
+    own = tmp_path / "lent_pilot.py"
+
+    def there(fly, flight):
+        own.write_text("from shipland.guidance.pilot import paper\n# an older one\n")
+        done = fly(flight)
+        own.write_text("from shipland.guidance.pilot import paper\n")
+        return done
+
+    def remote(fly):
+        return SimpleNamespace(remote=lambda flight: lambda: there(fly, flight))
+
+    ray = SimpleNamespace(
+        init=lambda **_: None, shutdown=lambda: None, cancel=lambda *_, **__: None, get=lambda given: given(),
+        cluster_resources=lambda: {"CPU": 1}, remote=lambda **_: remote, wait=lambda given, **_: (given[:1], []),
+    )  # fmt: skip
+    ray.exceptions = SimpleNamespace(RayError=OSError)
+    monkeypatch.setitem(__import__("sys").modules, "ray", ray)
+    monkeypatch.setattr(clusters, "require", lambda *_: None)
+    monkeypatch.setattr(clusters, "land_quietly", lambda _: None)
+    own.write_text("from shipland.guidance.pilot import paper\n")
+    cells = cells_of((SuiteEntry(("rig-natops",)),), Overrides(("lent_pilot:paper",)))
+    with (
+        open_campaign(CampaignPlan(cells, range(1, 3), tmp_path / "out")) as bench,
+        pytest.raises(DataError, match="has other own pilot or vision code than this one"),
+    ):
+        list(bench.fly(cluster("auto")))
 
 
 def test_without_ray_one_line_says_what_to_install(monkeypatch):

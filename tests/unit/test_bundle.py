@@ -168,6 +168,13 @@ FORGERIES = {
     "a cell without its pilot": (
         lambda files: files.update({"cells.json": b'{"cells": {"rig-natops_paper": {}}}'}), True, "is no bundle of",
     ),
+    "a file of no cell": (lambda files: files.update({"code/numpy.py": b""}), True, "numpy.py is neither a file of"),
+    "a seed written otherwise": (with_row(3, seed="03"), True, "seed 03: seed is 03, but its other columns make it 3"),
+    "no cell, seeds sealed": (
+        lambda files: [
+            in_json("cells.json", lambda table: table.update(cells={}))(files), about(runs=0, salt="0" * 16)(files),
+        ], True, "holds no flights",
+    ),
     "no number of runs": (about(runs=5), True, "seed 5 is missing"),
 }  # fmt: skip
 
@@ -209,6 +216,10 @@ def test_seeds_of_a_salt_are_checked_with_it_alone(tmp_path):
     assert check(path, salt=salt).again == 8
     with opened(path) as found:
         assert "sealed" in found.notes[0]
+        write_receipt(path, fly_again(found, 1, np.random.default_rng(1), 1))
+        assert "not checked" in benchmark_page([found], entries_of([found]), {}, tmp_path)
+        write_receipt(path, check(path, 1, salt))
+        assert "not checked" not in benchmark_page([found], entries_of([found]), {}, tmp_path)
         assert {it.seed for _, it in found.flights} == set(sealed_seeds(salt, 1, 4))
         assert SALT.strip() not in b"".join(file.read_bytes() for file in found.folder.rglob("*") if file.is_file())
     salt.write_bytes(b"another secret, as long")
@@ -244,6 +255,34 @@ def test_own_code_is_taken_along_and_runs_only_when_asked_for(tmp_path, monkeypa
     assert "mine_paper" not in sys.modules
     with opened(tmp_path / "mine.zip") as found:
         assert read_receipt(found).again == 3
+
+
+def test_own_code_is_that_which_flew(tmp_path, monkeypatch, here):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "edited_paper.py").write_text("def paper(setup):\n    raise ValueError('nobody calls it')\n")
+    fly(tmp_path / "flown", pilot="edited_paper:paper")
+    (tmp_path / "edited_paper.py").write_text("def paper(setup):\n    return better(setup)\n")
+    made = here("submit", "flown", "--title", "mine", "--out", "mine.zip")
+    assert made.returncode == 2 and "rig-natops_edited_paper.paper: the code that flew is" in made.stderr
+
+
+DAMAGE = {
+    "no block of that type": (30 + len("bundle.json"), 0x06),
+    "encrypted": (8, 0x01),
+    "packed by nobody": (10, 99),
+}
+"""In the first file's header, the second and third in its entry in the list: which byte, and bits set in it."""
+
+
+@pytest.mark.parametrize("what", DAMAGE)
+def test_a_damaged_bundle_is_one_line(bundle, what):
+    data, (at, bits) = bytearray(bundle.read_bytes()), DAMAGE[what]
+    begin = data.index(b"PK\x03\x04" if at >= 30 else b"PK\x01\x02")
+    data[begin + at] |= bits
+    bundle.write_bytes(data)
+    with pytest.raises(DataError, match="is no bundle of"), opened(bundle):
+        pass
 
 
 def test_other_code_is_named(bundle, monkeypatch, here):

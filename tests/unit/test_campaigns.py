@@ -52,6 +52,13 @@ def test_rows_and_columns_name_cells_settings_and_landings(made_up):
     assert {len(cell.landings) for cell in found.cells} == {4}
 
 
+def test_to_look_changes_nothing_in_a_folder(made_up, tmp_path):
+    grid(out=tmp_path / "out", command="flown")
+    before = (tmp_path / "out/cells.json").read_bytes()
+    found = grid(out=tmp_path / "out", command="looked", workers=0, settings="wind.mean_mps=9")
+    assert (found.left, found.landings, (tmp_path / "out/cells.json").read_bytes()) == (8, (), before)
+
+
 def test_a_column_has_its_type_with_and_without_values():
     assert column_of("seed", [1, 2]).dtype == int
     assert column_of("error_m", [0.5, NAN]).dtype == float

@@ -82,3 +82,9 @@ def test_parquet_holds_the_same_rows(folder, tmp_path):
 def test_a_folder_without_flights_is_refused(tmp_path):
     with pytest.raises(DataError, match=r"neither a campaign .* nor logs"):
         write_dataset(tmp_path, tmp_path / "set", HERE)
+
+
+def test_a_campaigns_rows_are_not_written_over(folder):
+    for out in (folder, next(folder.glob("*/campaign.json")).parent):
+        with pytest.raises(DataError, match="holds a campaign, whose rows would be written over"):
+            write_dataset(folder, out, HERE)

@@ -12,6 +12,7 @@ import csv
 import io
 import tempfile
 import zipfile
+import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -30,13 +31,18 @@ from shipland.evaluation.landing import COLUMNS, Landing, as_text, row_of
 from shipland.evaluation.suite import Cell, Overrides, cells_of, load_suite, salt_digest, sealed_seeds, task_digest
 from shipland.evaluation.tally import Tally
 from shipland.files import json_bytes, json_of, read_text, replacing
-from shipland.record.info import config_digest
+from shipland.record.info import config_digest, file_digest
 from shipland.record.reader import read_log
 from shipland.scenario.scenario import load_scenario
 
 FORMAT = 1
 _MOST_BYTES = 4 << 30
 """Of what a bundle holds, unpacked."""
+_UNREADABLE = (
+    *(OSError, EOFError, zipfile.BadZipFile, zlib.error, RuntimeError),
+    *(LookupError, TypeError, ValueError, AttributeError, OverflowError),
+)
+"""What reading a zip, or a table of another shape than expected, raises; RuntimeError of an encrypted zip."""
 _BOUND = ("source", "version", "python", "libraries")
 """What every cell's campaign.json says, and bundle.json once."""
 
@@ -49,6 +55,7 @@ class Bundle:
         path, about, folder: the zip, its bundle.json, and where it is unpacked.
         cells: as `read_cells` gives them.
         keys: campaign.json of each cell.
+        seeds_checked: they are 1, 2, 3 … or those of the salt; False where the salt was not given.
         notes: what could not be checked, in words.
         groups: of each cell its suite's name for what was flown; its own without a suite.
     """
@@ -58,6 +65,7 @@ class Bundle:
     folder: Path
     cells: tuple[CellResult, ...]
     keys: Mapping[str, Mapping[str, Any]]
+    seeds_checked: bool = True
     notes: list[str] = field(default_factory=list)
     groups: dict[str, str] = field(default_factory=dict)
 
@@ -97,7 +105,7 @@ def write_bundle(folder: Path, out: Path, title: str, logs: int, salt: Path | No
         kept = [it.seed for it in cell.landings if (folder / cell.name / "flights" / f"{it.seed}.mcap").exists()]
         names += [f"flights/{seed}.mcap" for seed in kept[:logs]]
         files |= {f"{cell.name}/{name}": (folder / cell.name / name).read_bytes() for name in names}
-    own = {name: _code_file(name) for key in keys for name in key["own_code"]}
+    own = {name: _code_file(name) for key in keys for name in _own_names(key)}
     files |= {f"code/{path.name}": path.read_bytes() for path in own.values()}
     about = {
         "format": FORMAT,
@@ -120,7 +128,7 @@ def write_bundle(folder: Path, out: Path, title: str, logs: int, salt: Path | No
 
 
 def _code_file(name: str) -> Path:
-    module = name.partition(":")[0]
+    module = _module_of(name)
     factories.add_here()
     spec = find_spec(module)
     if "." in module or spec is None or spec.origin is None or not Path(spec.origin).is_file():
@@ -138,7 +146,7 @@ def opened(path: Path, salt: Path | None = None) -> Iterator[Bundle]:
     with tempfile.TemporaryDirectory() as temporary:
         try:
             bundle = _checked(path, Path(temporary), salt)
-        except (OSError, zipfile.BadZipFile, KeyError, TypeError, ValueError, AttributeError) as error:
+        except _UNREADABLE as error:
             raise DataError(f"{path} is no bundle of `shipland submit`: {type(error).__name__}: {error}") from None
         yield bundle
 
@@ -149,8 +157,11 @@ def _checked(path: Path, folder: Path, salt: Path | None) -> Bundle:
         if not {f"{name}/campaign.json", f"{name}/landings.csv"} <= about["files"].keys():
             raise DataError(f"{name}: its rows are not in the bundle")
     cells = tuple(read_cells([folder]))
+    if not any(cell.landings for cell in cells):
+        raise DataError(f"{path} holds no flights")
     keys = {cell.name: json_of(read_text(folder / cell.name / "campaign.json")) for cell in cells}
-    bundle = Bundle(path, about, folder, cells, keys)
+    bundle = Bundle(path, about, folder, cells, keys, seeds_checked=not about["salt"] or salt is not None)
+    _check_names(bundle)
     for cell in cells:
         _check_rows(cell, folder)
         _check_key(bundle, cell)
@@ -158,7 +169,7 @@ def _checked(path: Path, folder: Path, salt: Path | None) -> Bundle:
         wrong = [name for name, counts in _summary(cells).items() if about["summary"].get(name) != counts]
         raise DataError(f"{(wrong or ['bundle.json'])[0]}: its rows are not those that the summary counts")
     _check_seeds(cells, about["runs"], salt, about["salt"])
-    if about["salt"] and salt is None:
+    if not bundle.seeds_checked:
         bundle.notes.append("its seeds are sealed and were not checked: give the salt")
     _check_suite(bundle)
     _check_logs(bundle)
@@ -195,6 +206,33 @@ def _unpacked(path: Path, folder: Path) -> dict[str, Any]:
         return dict(about)
 
 
+def _check_names(bundle: Bundle) -> None:
+    """It holds files of its cells, and the code that they name; no other."""
+    held, meant, own = bundle.about["files"], {"cells.json"}, dict[str, str]()
+    for cell in bundle.cells:
+        names = ("campaign.json", "landings.csv", *(f"flights/{it.seed}.mcap" for it in cell.landings))
+        meant |= {f"{cell.name}/{name}" for name in names}
+        for name in _own_names(bundle.keys[cell.name]):
+            own[name] = f"code/{_module_of(name)}.py"
+            if own[name] not in held:
+                raise DataError(f"{cell.name}: it names code that the bundle does not hold: {name}")
+    if odd := sorted(held.keys() - meant - set(own.values())):
+        raise DataError(f"{bundle.path}: {odd[0]} is neither a file of its cells nor the code that they name")
+    if bundle.about["own_code"] != own:
+        raise DataError(f"{bundle.path}: its own code is {bundle.about['own_code']} in bundle.json, {own} in its cells")
+
+
+def _own_names(key: Mapping[str, Any]) -> list[str]:
+    """Of a cell's pilot, vision, aircraft and loop those that are own code."""
+    aircraft = key["scenario"]["aircraft"]
+    names = (key["pilot"], key["vision"], aircraft["kind"], aircraft["loop"]["kind"])
+    return [name for name in names if factories.is_own_code(name)]
+
+
+def _module_of(name: str) -> str:
+    return name.partition(":")[0]
+
+
 def _check_rows(cell: CellResult, folder: Path) -> None:
     """landings.csv is, to the letter, what its landings are written as, each seed once."""
     text = read_text(folder / cell.name / "landings.csv")
@@ -205,10 +243,10 @@ def _check_rows(cell: CellResult, folder: Path) -> None:
     for seed, count in counts.items():
         if count > 1:
             raise DataError(f"{cell.name}: seed {seed} is in its rows {count} times")
-    by_seed = {str(it.seed): texts_of(it) for it in cell.landings}
+    by_seed = {it.seed: texts_of(it) for it in cell.landings}
     for row in rows[1:]:
         seed = row[COLUMNS.index("seed")]
-        for name, found, meant in zip(COLUMNS, row, by_seed.get(seed, row), strict=True):
+        for name, found, meant in zip(COLUMNS, row, by_seed[int(seed)], strict=True):
             if found != meant:
                 raise DataError(f"{cell.name}, seed {seed}: {name} is {found}, but its other columns make it {meant}")
 
@@ -226,12 +264,10 @@ def _check_key(bundle: Bundle, cell: CellResult) -> None:
     for word in _BOUND:
         if key[word] != bundle.about[word]:
             raise DataError(f"{cell.name}: its {word} is {key[word]}, that of the bundle {bundle.about[word]}")
-    held, files = bundle.about["own_code"], bundle.about["files"]
-    aircraft = key["scenario"]["aircraft"]
-    names = (key["pilot"], key["vision"], aircraft["kind"], aircraft["loop"]["kind"])
-    for name in filter(factories.is_own_code, names):
-        if held.get(name) != f"code/{name.partition(':')[0]}.py" or held[name] not in files:
-            raise DataError(f"{cell.name}: it names code that the bundle does not hold: {name}")
+    own = {name: bundle.folder / file for name, file in bundle.about["own_code"].items()}
+    held = {name: file_digest(own[name]) for name in (key["pilot"], key["vision"]) if name in own}
+    if key["own_code"] != held:
+        raise DataError(f"{cell.name}: the code that flew is {key['own_code']} by its digest, in the bundle {held}")
     if (key["pilot"], key["vision"]) != (cell.pilot, cell.vision):
         raise DataError(f"{cell.name}: campaign.json and cells.json name different pilots or visions")
 
@@ -287,10 +323,10 @@ def _check_logs(bundle: Bundle) -> None:
     for cell in bundle.cells:
         for path in sorted((bundle.folder / cell.name / "flights").glob("*.mcap")):
             log, rows = read_log(path), {it.seed: it for it in cell.landings}
-            info, landing = log.header.info, rows.get(int(path.stem) if path.stem.isdigit() else -1)
+            info, landing = log.header.info, rows[int(path.stem)]
             named = (info.seed, info.pilot, info.config_digest)
             key = bundle.keys[cell.name]
-            if landing is None or named != (landing.seed, cell.pilot, key["configuration"]):
+            if named != (landing.seed, cell.pilot, key["configuration"]):
                 raise DataError(f"{cell.name}: the log {path.name} is of another flight than its row")
             touched = log.verdict is not None and log.verdict.touched
             ended = log.verdict is not None and (log.verdict.landed, log.verdict.in_square)

@@ -93,7 +93,6 @@ class OpenCampaign:
         for cell in plan.cells:
             key = campaign_key(cell.scenario, cell.pilot, cell.vision)
             self._rows[cell.name] = folder_in(plan.out / cell.name, key)
-        _write_beside(plan, plan.out)
 
     def missing(self) -> Iterator[FlightJob]:
         """The flights that are missing, seed by seed over all cells."""
@@ -115,16 +114,17 @@ class OpenCampaign:
         def lose(flight: FlightJob, reason: str) -> None:
             self.lost.append(LostFlight(flight.cell, flight.seed, reason))
 
+        if self.plan.out is not None:
+            _write_beside(self.plan, self.plan.out)
         yield from executor(self.missing(), keep, lose)
 
     def results(self) -> list[CellResult]:
         """The plan's cells with all their rows, those flown earlier included."""
         plan = self.plan
-        if plan.out is not None:
-            found = {cell.name: cell for cell in read_cells([plan.out])}
-            return [found[cell.name] for cell in plan.cells]
+        found = {} if plan.out is None else {cell.name: cell for cell in read_cells([plan.out])}
         return [
-            CellResult(
+            found.get(cell.name)
+            or CellResult(
                 **_facts(cell.name, _about(cell, plan.suite)),
                 rig=cell.scenario.rig,
                 ship=cell.scenario.ship,

@@ -10,7 +10,7 @@ from typing import Any
 
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation.campaign import Executor, Keep, Lose
-from shipland.evaluation.folder import source_digest
+from shipland.evaluation.folder import campaign_key
 from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.evaluation.landing import Landing
 from shipland.extras import require
@@ -37,7 +37,7 @@ def cluster(address: str) -> Executor:
         except (ConnectionError, ValueError, RuntimeError) as error:
             raise ConfigError(f"--cluster {address}: no Ray cluster: {error}") from None
         fly = ray.remote(max_retries=_RETRIES, num_cpus=1)(_fly_there)
-        waiting, given = iter(flights), dict[Any, FlightJob]()
+        waiting, given, here = iter(flights), dict[Any, FlightJob](), dict[str, dict[str, Any]]()
         try:
             while True:
                 most = _WAITING_A_CORE * max(1, int(ray.cluster_resources().get("CPU", 1)))
@@ -49,12 +49,16 @@ def cluster(address: str) -> Executor:
                 for done in ray.wait(list(given), num_returns=1, timeout=POLL_S)[0]:
                     flight = given.pop(done)
                     try:
-                        digest, landing, log = ray.get(done)
+                        there, landing, log = ray.get(done)
                     except ray.exceptions.RayError as error:
                         lose(flight, " ".join(str(error).split()[:40]))
                         continue
-                    if digest != source_digest():
-                        raise DataError("a machine of the cluster has other code than this one; install the same")
+                    if flight.cell not in here:
+                        here[flight.cell] = _bound(flight)
+                    if differ := [words for words, digest in here[flight.cell].items() if there[words] != digest]:
+                        raise DataError(
+                            f"a machine of the cluster has other {', '.join(differ)} than this one; install the same"
+                        )
                     if log is not None and flight.log is not None:
                         flight.log.parent.mkdir(parents=True, exist_ok=True)
                         flight.log.write_bytes(log)
@@ -68,9 +72,17 @@ def cluster(address: str) -> Executor:
     return executor
 
 
-def _fly_there(flight: FlightJob) -> tuple[str, Landing, bytes | None]:
-    """On a machine of the cluster: its code's digest, the landing, and the log, as its folders are not ours."""
+def _bound(flight: FlightJob) -> dict[str, Any]:
+    """What this machine flies with, by digests; a function travels by value and is the same everywhere."""
+    pilot = flight.pilot if isinstance(flight.pilot, str) else "paper"
+    vision = flight.vision if isinstance(flight.vision, str) else "geometric"
+    key = campaign_key(flight.scenario, pilot, vision)
+    return {"code": key["source"], "own pilot or vision code": key["own_code"], "weights": key["weights"]}
+
+
+def _fly_there(flight: FlightJob) -> tuple[dict[str, Any], Landing, bytes | None]:
+    """On a machine of the cluster: what it flew with, the landing, and the log, as its folders are not ours."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "flight.mcap"
         landing = land_quietly(replace(flight, log=None if flight.log is None else path))
-        return source_digest(), landing, path.read_bytes() if path.exists() else None
+        return _bound(flight), landing, path.read_bytes() if path.exists() else None

@@ -25,12 +25,16 @@ from shipland.version import code_version
 
 @dataclass(frozen=True)
 class Verified:
-    """How many of a bundle's flights were flown again, all equal, the zip's SHA-256, and this code's version."""
+    """How many of a bundle's flights were flown again, all equal, the zip's SHA-256, and this code's version.
+
+    `seeds_checked` as of `Bundle`.
+    """
 
     flights: int
     again: int
     bundle: str
     version: str
+    seeds_checked: bool = False
 
     def missed(self, share: float) -> float:
         """How likely the sample held none of the altered rows, were this share of all rows altered."""
@@ -95,7 +99,7 @@ def fly_again(bundle: Bundle, sample: int, rng: np.random.Generator, workers: in
                     )
     if lost:
         raise DataError(lost[0])
-    return Verified(len(flights), count, bundle.digest, code_version())
+    return Verified(len(flights), count, bundle.digest, code_version(), bundle.seeds_checked)
 
 
 def _other_libraries(bundle: Bundle) -> str:

@@ -56,7 +56,9 @@ def _entries(bundles: Sequence[Bundle]) -> str:
         about, receipt = bundle.about, read_receipt(bundle)
         pilots = ", ".join(dict.fromkeys(cell.pilot for cell in bundle.cells))
         again = "not verified" if receipt is None else f"{receipt.again} of {receipt.flights}, all equal"
-        seeds = f"sealed by {about['salt']}" if about["salt"] else f"1 … {about['runs']}"
+        checked = receipt is not None and receipt.seeds_checked
+        sealed = f"sealed by {about['salt']}{'' if checked else ', not checked'}"
+        seeds = sealed if about["salt"] else f"1 … {about['runs']}"
         own = ", ".join(sorted(set(about["own_code"].values()))) or "–"
         code = f"{about['version']} ({about['source']})"
         rows.append([bundle.title, pilots, code, own, again, seeds])

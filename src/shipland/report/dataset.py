@@ -94,8 +94,10 @@ def write_dataset(
 
     With `lerobot` the logs in LeRobot's layout too, in folder lerobot; with `pictures` those of the logs, with their
     cameras' poses: pictures.csv, pictures.zip. Returns the names of files and folders. DataError where there are no
-    flights, logs or pictures that are asked for; SystemLibraryError without an extra.
+    flights, logs or pictures that are asked for, or `out` is a campaign's; SystemLibraryError without an extra.
     """
+    if cells_file(out).is_file() or (out / "campaign.json").is_file():
+        raise DataError(f"{out} holds a campaign, whose rows would be written over: name another --out")
     logs = {str(log.relative_to(folder).with_suffix("")): log for log in sorted(folder.rglob("*.mcap"))}
     flown = cells_file(folder).is_file()
     if not (flown or logs):
