@@ -105,6 +105,16 @@ def test_drawings_go_where_they_are_asked_to(weights, pictures, tmp_path):
     assert (pictures / "a.jpg").read_bytes() == before
 
 
+def test_pictures_of_one_name_have_a_drawing_each(weights, pictures, tmp_path):
+    """As flight logs have, and the pictures of two days."""
+    other = tmp_path / "other"
+    other.mkdir()
+    cv2.imwrite(str(other / "a.png"), np.zeros((40, 60, 3), np.uint8))
+    detect((pictures / "a.jpg", other / "a.png", other / "a.png"), weights, out=tmp_path / "out")
+    shapes = {item.name: cv2.imread(str(item)).shape for item in (tmp_path / "out").iterdir()}
+    assert shapes == {"a.jpg": (50, 90, 3), "a-2.jpg": (40, 60, 3), "a-3.jpg": (40, 60, 3)}
+
+
 def test_frame_is_drawn_around_the_box():
     picture = np.zeros((80, 120, 3), np.uint8)
     drawn = draw_boxes(picture, ((Box((60.0, 40.0), (20.0, 10.0), 0.5), "ship"),))

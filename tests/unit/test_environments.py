@@ -15,7 +15,7 @@ from shipland.scenario.scenario import load_scenario
 gymnasium = pytest.importorskip("gymnasium", reason="the extra rl is not installed")
 env_checker = pytest.importorskip("gymnasium.utils.env_checker", reason="the extra rl is not installed")
 
-from shipland.environments import LANDING  # noqa: E402
+from shipland.environments import LANDING, LAST_PHASE  # noqa: E402
 from shipland.environments.actions import ResidualPilot  # noqa: E402
 from shipland.environments.flight_env import SteppedFlight  # noqa: E402
 from shipland.environments.landing import LandingEnv, observation_space  # noqa: E402
@@ -191,6 +191,20 @@ def test_without_sight_only_yaw_and_climb_are_flown():
     assert blind.sticks_percent == (0.0, 0.0, 0.0, 50.0)
     assert (sees.pitch_percent, sees.heave_percent, sees.intent) == (100.0, -100.0, Intent.LAND)
     assert blind.intent is Intent.SEARCH
+
+
+@pytest.mark.parametrize("name", [LANDING, LAST_PHASE])
+@pytest.mark.parametrize("wrong", ["number", "batch", "longer", "nan"])
+def test_an_action_of_another_shape_or_not_finite_is_refused(name, wrong):
+    """Neither is left to the safety, which would fly on without the agent."""
+    env = gymnasium.make(name).unwrapped
+    env.reset(seed=3)
+    right = np.zeros(env.action_space.shape, np.float32)
+    action = {"number": 0.0, "batch": right[None], "longer": np.zeros(7), "nan": right + np.nan}[wrong]
+    with pytest.raises(gymnasium.error.InvalidAction, match="expected finite numbers of the shape"):
+        env.step(action)
+    assert np.isfinite(env.step(right)[1])
+    env.close()
 
 
 def test_the_time_limit_truncates():

@@ -125,6 +125,12 @@ def test_what_does_no_better_than_the_pilot_alone_is_not_exported(train, tmp_pat
     assert "these weights are of step 0" in (tmp_path / "model-card.md").read_text()
 
 
+def test_what_the_last_steps_have_learned_is_evaluated_too(train, tmp_path):
+    learned(train, asked(tmp_path, steps=60))
+    assert "these weights are of step 60" in (tmp_path / "model-card.md").read_text()
+    assert (tmp_path / "curves.csv").read_text().splitlines()[-1].endswith(",60.0")
+
+
 def test_an_evaluation_flies_the_same_flights_again(train, tmp_path, monkeypatch):
     monkeypatch.undo()
     made = makers(asked(tmp_path))

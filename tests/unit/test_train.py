@@ -2,12 +2,15 @@
 
 import itertools
 import math
+import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
+from PIL import ExifTags, Image
 
 torch = pytest.importorskip("torch")
 
@@ -348,6 +351,69 @@ def test_resume_refuses_another_seed(squares, tmp_path):
     training.train(arguments(squares, tmp_path / "run", 2))
     with pytest.raises(DataError, match="begun with seed 0, not 7"):
         training.train(arguments(squares, tmp_path / "run", 4, resume=True, seed=7))
+
+
+def copied(folder, to, names):
+    for part in ("images", "labels"):
+        (to / part).mkdir(parents=True, exist_ok=True)
+    for name in names:
+        shutil.copy(folder / "images" / f"{name}.png", to / "images")
+        shutil.copy(folder / "labels" / f"{name}.txt", to / "labels")
+    (to / "classes.txt").write_text("ship\n")
+    return to
+
+
+def test_resume_refuses_pictures_that_divide_otherwise(squares, tmp_path):
+    """With pictures more or less, some that are held out now would have been trained on."""
+    data = copied(squares, tmp_path / "data", [f"{number:02d}" for number in range(14)])
+    training.train(arguments(data, tmp_path / "run", 2))
+    copied(squares, data, [f"{number:02d}" for number in range(14, 24)])
+    with pytest.raises(DataError, match=r"begun with pictures 12 to train on .*, not 20 to train on"):
+        training.train(arguments(data, tmp_path / "run", 4, resume=True))
+
+
+def test_a_run_stopped_between_its_checkpoints_keeps_the_best(squares, tmp_path, monkeypatch):
+    """Stopped within the second evaluation, the best of three, after the first of its two checkpoints."""
+    scores = {5: 0.1, 10: 0.9, 15: 0.2}
+    save, saved = running.Run.save, []
+
+    def judged(run, *_):
+        return SimpleNamespace(average_precision=lambda: scores[run.progress.step], recall=lambda _: 0.0)
+
+    def stopping(run, path):
+        save(run, path)
+        saved.append(path)
+        if len(saved) == 3:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(running, "validate", judged)
+    monkeypatch.setattr(running.Run, "save", stopping)
+    with pytest.raises(KeyboardInterrupt):
+        training.train(arguments(squares, tmp_path, 15))
+    trained = training.train(arguments(squares, tmp_path, 15, resume=True))
+    assert trained.progress.step == 10
+
+
+def test_anchors_are_fitted_to_targets_as_the_window_shows_them(tmp_path, monkeypatch):
+    """Square targets in three pictures of 128 × 64 px, one of which is stored on its side."""
+    for part in ("images", "labels"):
+        (tmp_path / part).mkdir()
+    upright = np.zeros((64, 128, 3), np.uint8)
+    for number, picture in enumerate((upright, upright, np.ascontiguousarray(upright.swapaxes(0, 1)))):
+        exif = Image.Exif()
+        exif[ExifTags.Base.Orientation] = 6 if picture.shape[0] == 128 else 1
+        Image.fromarray(picture).save(tmp_path / "images" / f"{number}.jpg", exif=exif)
+        (tmp_path / "labels" / f"{number}.txt").write_text("0 0.5 0.5 0.25 0.5\n")
+    (tmp_path / "classes.txt").write_text("ship\n")
+    sizes_px = []
+    monkeypatch.setattr(training, "fit_anchors", lambda sizes, _: sizes_px.append(sizes) or ANCHORS)
+    wanted = arguments(tmp_path, tmp_path / "none", 5)
+    parameters = training._parameters(wanted)
+    for fit in (False, True):
+        fitted = replace(parameters, augment=replace(parameters.augment, fit=fit))
+        training._spec(wanted, fitted, read_dataset(tmp_path))
+    np.testing.assert_allclose(sizes_px[0], np.full((3, 2), 32.0))
+    np.testing.assert_allclose(sizes_px[1], np.full((3, 2), 16.0))
 
 
 def test_resumed_run_equals_one_in_a_piece(squares, tmp_path, monkeypatch):

@@ -218,12 +218,16 @@ class FlightEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]], Generic[Seen]):
 
         Raises:
             gymnasium.error.ResetNeeded: no flight is on.
+            gymnasium.error.InvalidAction: another shape than the space's, or not finite; what lies beyond is clipped.
         """
         flight = self._flight
         if flight is None:
             raise gymnasium.error.ResetNeeded("no flight is on; call reset() first")
         assert self._cycle is not None
-        self._pilot.action = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
+        asked, shape = np.asarray(action, dtype=float), self.action_space.shape
+        if asked.shape != shape or not np.isfinite(asked).all():
+            raise gymnasium.error.InvalidAction(f"action {action!r}: expected finite numbers of the shape {shape}")
+        self._pilot.action = np.clip(asked, -1.0, 1.0)
         before_s, before_m = self._now_s, self._distance_m
         reason = self._advance(flight, self._cycle)
         over, truncated = self._cycle is None, self._timed_out

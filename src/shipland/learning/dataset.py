@@ -16,7 +16,6 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
-from PIL import Image
 
 from shipland.errors import DataError
 from shipland.files import json_of, read_text
@@ -44,14 +43,6 @@ class Sample:
     path: Path
     boxes: Targets
     scene: dict[str, Any]
-
-    def size_px(self) -> tuple[int, int]:
-        """Width and height, from the file's head; DataError when the picture is broken."""
-        try:
-            with Image.open(self.path) as picture:
-                return picture.size
-        except (OSError, ValueError) as error:
-            raise DataError(f"picture {self.path} is broken or no picture ({error})") from None
 
     def load(self, fit_px: int = 0) -> tuple[Picture, Targets]:
         """The picture (h,w,3) BGR, scaled to this longer side unless 0, and its targets [px]; DataError if broken."""

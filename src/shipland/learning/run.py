@@ -204,7 +204,7 @@ def _evaluate(run: Run, parameters: TrainParameters, held_out: Dataset, recent: 
     progress.history.append(row)
     better = score > progress.best
     progress.best, progress.since_best = (score, 0) if better else (progress.best, progress.since_best + 1)
-    run.save(out / LAST)
     if better:
         run.save(out / BEST)
+    run.save(out / LAST)  # after the best, or a run stopped in between would believe that it has it
     return better

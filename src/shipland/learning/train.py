@@ -7,6 +7,7 @@ average.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import sys
 from dataclasses import replace
@@ -138,9 +139,9 @@ def _start(arguments: TrainArguments, parameters: TrainParameters, fitting: Data
         raise DataError(f"{last} is there already: give --resume to go on with it, or another folder")
     if arguments.resume:
         tensors, spec, progress = load_checkpoint(last)
-        check_resumable(last, progress.run, _identity(arguments))
+        check_resumable(last, progress.run, _identity(arguments, fitting))
     else:
-        tensors, progress = {}, Progress(run=_identity(arguments))
+        tensors, progress = {}, Progress(run=_identity(arguments, fitting))
         spec = _spec(arguments, parameters, fitting)
         if arguments.weights is not None:
             state, spec = _initial(arguments.weights, spec)
@@ -155,22 +156,21 @@ def _start(arguments: TrainArguments, parameters: TrainParameters, fitting: Data
     return Run(network, average.eval(), optimizer, spec, progress, device)
 
 
-def _identity(arguments: TrainArguments) -> dict[str, str]:
-    """What must stay the same when a run is resumed."""
+def _identity(arguments: TrainArguments, fitting: Dataset) -> dict[str, str]:
+    """What must stay the same when a run is resumed: were other pictures held out, it would have seen them."""
     names = ", ".join(str(folder) for folder in arguments.data)
-    return {"profile": arguments.profile, "seed": str(arguments.seed), "data": names, "width": f"{arguments.width:g}"}
+    listed = "\n".join(str(sample.path) for sample in fitting.samples).encode()
+    pictures = f"{len(fitting.samples)} to train on ({hashlib.sha256(listed).hexdigest()[:8]})"
+    same = {"profile": arguments.profile, "seed": str(arguments.seed), "data": names, "width": f"{arguments.width:g}"}
+    return same | {"classes": ", ".join(fitting.classes), "pictures": pictures}
 
 
 def _spec(arguments: TrainArguments, parameters: TrainParameters, fitting: Dataset) -> DetectorSpec:
     anchors: Anchors = PUBLISHED_ANCHORS_PX
     if parameters.anchors == "fit":
-        sizes = []
-        order = np.random.default_rng(arguments.seed).permutation(len(fitting.samples))
-        for sample in (fitting.samples[index] for index in order[:ANCHOR_PICTURES]):
-            if len(sample.boxes) and parameters.augment.fit:
-                sizes.append(sample.boxes[:, 3:5] * parameters.window_px)
-            elif len(sample.boxes):
-                sizes.append(sample.boxes[:, 3:5] * sample.size_px())
+        order = np.random.default_rng(arguments.seed).permutation(len(fitting.samples))[:ANCHOR_PICTURES]
+        samples = (fitting.samples[index] for index in order)
+        sizes = [sample.load(parameters.fit_px)[1][:, 3:5] for sample in samples if len(sample.boxes)]
         anchors = fit_anchors(np.concatenate(sizes) if sizes else np.zeros((0, 2)), arguments.seed)
     return DetectorSpec(fitting.classes, anchors, parameters.decoding, arguments.width, fit_px=parameters.fit_px)
 

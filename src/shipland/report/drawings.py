@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from contextlib import AbstractContextManager
 from pathlib import Path
 
@@ -32,7 +33,7 @@ class Drawings(AbstractContextManager["Drawings"]):
         self._close()
 
     def add(self, picture: FilePicture, drawn: Picture) -> None:
-        """Write `drawn` in the place of `picture`; DataError when another file's drawing is there."""
+        """Write `drawn` under the name of `picture`, or name-2 and so on; DataError where that is the picture."""
         if is_film(picture.source):
             height_px, width_px = (side // 2 * 2 for side in drawn.shape[:2])  # H.264 wants even sides
             if self._video is None or not picture.follows:
@@ -51,9 +52,10 @@ class Drawings(AbstractContextManager["Drawings"]):
 
     def _place(self, source: Path, suffix: str) -> Path:
         self._out.mkdir(parents=True, exist_ok=True)
-        place = self._out / f"{source.stem}{suffix}"
-        if place in self._taken or (place.exists() and place.samefile(source)):
-            raise DataError(f"{source} would be drawn over {place}: give files of one name in separate runs")
+        names = (f"{source.stem}{count}{suffix}" for count in itertools.chain([""], itertools.count(-2, -1)))
+        place = next(self._out / name for name in names if self._out / name not in self._taken)
+        if place.exists() and place.samefile(source):
+            raise DataError(f"{source} would be drawn over: give another folder than {self._out}")
         self._taken.add(place)
         return place
 

@@ -175,10 +175,7 @@ def _chunks(run: Run, arguments: LearnArguments, makers: Sequence[EnvMaker]) -> 
         progress.step, progress.updates = agent.num_timesteps, agent._n_updates
         found = math.nan
         if progress.step // EVALUATED > evaluated:
-            found = _mean_return(run, makers, arguments.flights)
-            if found > progress.best:
-                progress.best, progress.best_step = found, progress.step
-                run.best = dict(run.averaged)
+            found = _evaluated(run, makers, arguments.flights)
             _keep(run, arguments)
         progress.seconds += time.monotonic() - began_s
         note = _noted(progress, found)
@@ -186,6 +183,17 @@ def _chunks(run: Run, arguments: LearnArguments, makers: Sequence[EnvMaker]) -> 
         said_s += seconds
         for _ in range(seconds):
             yield note
+    if progress.history and math.isnan(progress.history[-1]["evaluated"]):  # what was learned since the last one
+        progress.history[-1]["evaluated"] = _evaluated(run, makers, arguments.flights)
+
+
+def _evaluated(run: Run, makers: Sequence[EnvMaker], flights: int) -> float:
+    """Mean return of the averaged actor, which is kept where it is the best so far."""
+    found, progress = _mean_return(run, makers, flights), run.progress
+    if found > progress.best:
+        progress.best, progress.best_step = found, progress.step
+        run.best = dict(run.averaged)
+    return found
 
 
 def _mean_return(run: Run, makers: Sequence[EnvMaker], flights: int) -> float:
