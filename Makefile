@@ -29,18 +29,13 @@ setup-train:
 	@tools/setup.sh train
 
 olympe: .venv-olympe/made ## make .venv-olympe with Parrot's SDK, for the ANAFI and its tests
-
-.venv-olympe/made: tools/olympe.txt | setup
-	@$(BIN)/python -m venv .venv-olympe
-	@.venv-olympe/bin/pip install --disable-pip-version-check --quiet -r tools/olympe.txt
 	@.venv-olympe/bin/python -W ignore -c 'import logging; logging.disable(); import olympe'
-	@touch $@
 
-peers: .venv-peers/made ## make .venv-peers with RotorPy and PyFlyt, for studies/speed_peers.py
+peers: .venv-peers/made .venv-crazyflow/made ## make .venv-peers with RotorPy and PyFlyt, .venv-crazyflow, for studies/speed_peers.py
 
-.venv-peers/made: tools/peers.txt | setup
-	@$(BIN)/python -m venv .venv-peers
-	@.venv-peers/bin/pip install --disable-pip-version-check --quiet -r tools/peers.txt
+.venv-%/made: tools/%.txt | setup
+	@$(BIN)/python -m venv .venv-$*
+	@.venv-$*/bin/pip install --disable-pip-version-check --quiet -r $<
 	@touch $@
 
 demo: setup-run ## fly from 250 m to a ship in sea state 6, camera in the loop: video, plots and log in out/demo/
@@ -77,6 +72,6 @@ docs: setup ## build the documentation into site/, a warning is an error; SERVE=
 wheel-test: setup ## build the wheel, install it into an empty environment, fly from another folder
 	$(BIN)/python tools/walks.py base
 
-clean: ## remove what was made, but for .venv, .venv-olympe and .venv-peers
+clean: ## remove what was made, but for .venv and its kin
 	rm -rf out site build dist .pytest_cache .ruff_cache .mypy_cache .import_linter_cache .hypothesis
 	find src tests tools studies -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -119,5 +119,5 @@ STUDY = Study(
     minutes=45,
     files=(*TOOLS, *(f"src/shipland/{part}" for part in FLOWN)),
     alone=True,
-    binary=BINARY,
+    needs=BINARY,
 )

@@ -1,12 +1,13 @@
-"""Other quadrotor simulators in a hover, in their own environment: `python studies/peer_hover.py rotorpy` prints rates.
+"""Other quadrotor simulators in a hover, in environments of their own: `studies/peer_hover.py rotorpy` prints rates.
 
 Steps, and simulated seconds, in a second of one core, as JSON. shipland is not imported: `make peers` makes the
-environment, studies/speed_peers.py asks.
+environments, studies/speed_peers.py asks.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 
@@ -51,5 +52,39 @@ def pyflyt_rate() -> Rate:
     return env.physics_hz * simulated_s / spent_s, simulated_s / spent_s
 
 
+def crazyflow_rate(drones: int, seconds: float) -> Rate:
+    """Crazyflow's Sim, all drones in one call: a hover under its state controller, a set-point 30 times a second."""
+    os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
+    import jax
+    import numpy as np
+    from crazyflow.sim import Sim
+
+    sim = Sim(n_worlds=drones, control="state")
+    set_points = np.zeros((drones, 1, 16))
+    set_points[..., 2], set_points[..., 12] = 0.5, 1.0  # height, and w of the attitude
+    sim.reset()
+    steps = sim.freq // 30
+
+    def hover(calls: int) -> None:
+        for _ in range(calls):
+            sim.state_control(set_points)
+            sim.step(steps)
+        jax.block_until_ready(sim.data)
+
+    hover(2)
+    calls, started_s = round(seconds * sim.freq / steps), time.process_time()
+    hover(calls)
+    spent_s = time.process_time() - started_s
+    done = drones * calls * steps
+    return done / spent_s, done / sim.freq / spent_s
+
+
+RATES = {
+    "rotorpy": rotorpy_rate,
+    "pyflyt": pyflyt_rate,
+    "crazyflow": lambda: crazyflow_rate(1, HOVER_S),
+    "crazyflow-1000": lambda: crazyflow_rate(1000, 2.0),
+}
+
 if __name__ == "__main__":
-    print(json.dumps({"rotorpy": rotorpy_rate, "pyflyt": pyflyt_rate}[sys.argv[1]]()))
+    print(json.dumps(RATES[sys.argv[1]]()))

@@ -2,7 +2,7 @@
 
 Theirs is a hover in still air under their own controller; ours is the whole flight: turbulence, contacts, telemetry,
 delays, geometric camera, vision, pilot, safety and record. By processor time of one process, campaigns by the clock.
-RotorPy and PyFlyt live in an environment of their own (`make peers`); without it their rows are empty.
+The others live in environments of their own (`make peers`); without these their rows are empty.
 """
 
 from __future__ import annotations
@@ -22,11 +22,18 @@ from shipland.sim.world import STEP_S
 from studies.harness import ROOT, Case, Column, Row, Study
 from studies.speed_landings import COMPILES, flown
 
-PYTHON = Path(os.environ.get("SHIPLAND_PEERS", ROOT / ".venv-peers" / "bin" / "python"))
+PEERS = Path(os.environ.get("SHIPLAND_PEERS", ROOT))
+"""Where `make peers` was called."""
 SCENARIO = "rig-natops"
 SEEDS = range(1, 6)
 OURS = {"shipland, whole near landings, `horizon`": "horizon", "shipland, the same, `paper`": "paper"}
-THEIRS = {"RotorPy 3.0.0, a hover, SE(3) controller": ("rotorpy", 100), "PyFlyt 0.29.0, a hover": ("pyflyt", 240)}
+THEIRS = {
+    "RotorPy 3.0.0, a hover, SE(3) controller": ("rotorpy", ".venv-peers", 100),
+    "PyFlyt 0.29.0, a hover": ("pyflyt", ".venv-peers", 240),
+    "Crazyflow 0.4.0, a hover": ("crazyflow", ".venv-crazyflow", 500),
+    "Crazyflow 0.4.0, a thousand hovers at once": ("crazyflow-1000", ".venv-crazyflow", 500),
+}
+"""Name, environment and physics [Hz]."""
 CAMPAIGNS = {"`shipland campaign`, 1 worker": 1, "`shipland campaign`, 2 workers": 2}
 FEW, MANY = 4, 44
 """Landings a worker whose difference in time is counted: what the start takes falls out."""
@@ -45,9 +52,9 @@ def measure(case: Case, runs: int) -> Row:
         return {"landings_a_minute": statistics.median(landings_a_minute(CAMPAIGNS[what]) for _ in range(runs))}
     if what in OURS:
         rates, physics_hz = [our_rate(OURS[what]) for _ in range(runs)], round(1.0 / STEP_S)
-    elif PYTHON.exists():
-        name, physics_hz = THEIRS[what]
-        rates = [peer_rate(name) for _ in range(runs)]
+    elif (python := PEERS / THEIRS[what][1] / "bin" / "python").exists():
+        name, _, physics_hz = THEIRS[what]
+        rates = [peer_rate(python, name) for _ in range(runs)]
     else:
         return {}
     steps_hz, real_time = (statistics.median(column) for column in zip(*rates, strict=True))
@@ -63,9 +70,9 @@ def our_rate(pilot: str) -> tuple[float, float]:
     return simulated_s / STEP_S / spent_s, simulated_s / spent_s
 
 
-def peer_rate(name: str) -> tuple[float, float]:
+def peer_rate(python: Path, name: str) -> tuple[float, float]:
     """The same of a peer, in its own environment."""
-    command = [str(PYTHON), "-W", "ignore", str(ROOT / "studies" / "peer_hover.py"), name]
+    command = [str(python), "-W", "ignore", str(ROOT / "studies" / "peer_hover.py"), name]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     steps_hz, real_time = json.loads(done.stdout.strip().splitlines()[-1])
     return steps_hz, real_time

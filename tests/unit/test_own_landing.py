@@ -82,4 +82,4 @@ def test_without_a_binary_the_study_is_left_out(monkeypatch, capsys):
     monkeypatch.delenv("SHIPLAND_ARDUCOPTER", raising=False)
     monkeypatch.setattr(command, "update_pages", list)
     command.main(("own_landing",))
-    assert capsys.readouterr().err == "studies: own_landing is left out: SHIPLAND_ARDUCOPTER names no binary\n"
+    assert capsys.readouterr().err == "studies: own_landing is left out: SHIPLAND_ARDUCOPTER names nothing\n"

@@ -179,7 +179,7 @@ def test_pages_agree_with_the_results(page):
 
 SECONDS = (
     *("consistency", "deck_sights", "false_accepts", "film_errors", "pose_error", "printed_vision", "reach"),
-    *("reliability", "speed_render", "spoiled_cue", "wave_off"),
+    *("reliability", "speed_photographs", "speed_render", "spoiled_cue", "wave_off"),
 )
 """Studies whose smallest case takes seconds: `make test-slow` runs them."""
 MINUTES = (
@@ -199,6 +199,7 @@ MINUTES = (
 )
 def test_the_smallest_case_of_a_study_runs(name, tmp_path, monkeypatch):
     monkeypatch.setattr("studies.landings.PARTS", tmp_path)
+    monkeypatch.setenv("SHIPLAND_PHOTOGRAPHS", str(harness.PICTURES))
     study = harness.load(name)
     assert harness.source_of(name, study, ())
     if name in MINUTES:
