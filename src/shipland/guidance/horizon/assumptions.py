@@ -136,7 +136,7 @@ def ship_in_view(aircraft_in_bar_m: Array, over_deck_m: float, hull_m: tuple[flo
     return float(max(along_m, 0.0) * max(aside_m, 0.0) / (2.0 * half_m) ** 2)
 
 
-@lru_cache(maxsize=96)  # one scenario's; a worker that flies many would grow without end
+@lru_cache(maxsize=16)  # what alternates in a flight; a worker that flies many would grow without end
 def _model(
     axes: int, motion: AxisModel, noise: Disturbances, wave: WaveMotion, shares: WaveShares | None = None
 ) -> Model:
