@@ -57,6 +57,17 @@ def test_the_wind_that_a_vehicle_holds_against_by_itself_shows_in_its_tilt():
     assert wind_mps2[0] == pytest.approx(0.0, abs=0.2)
 
 
+def test_a_ship_that_turns_teaches_neither_the_age_of_pictures_nor_the_sticks_gain():
+    estimator = _estimator()
+    for index in range(150):
+        t_s = index / 30.0
+        _cycle(estimator, t_s, CAMERA_AT_M, yaw_rad=-0.3 * max(t_s - 2.0, 0.0))
+        if t_s == 2.0:
+            assert len(estimator._latency.filters) == len(PARAMETERS.horizon.latency.candidates_s)
+    assert estimator._headings.turning
+    assert estimator._latency.filters == estimator._gain.filters == []
+
+
 def test_a_ship_below_moves_a_velocity_from_optical_flow_and_none_from_gps():
     shares = [
         _flown(response=replace(ANAFI_LIKE, velocity_reference=against))._over_ship()

@@ -265,7 +265,7 @@ class Model:
         return velocity_of(estimate.mean, self.axes, over_ship, settle_s, self.wave.frequency_rad_s, self.wave.deck)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def _axis_steps(motion: AxisModel, noise: Disturbances, wave: WaveMotion) -> Steps:
     """Of one axis."""
     a, b, q = dynamics(motion, noise, wave)

@@ -156,8 +156,8 @@ class SearchParameters:
     camera_pitch_deg: tuple[float, ...] = key(
         (0.0, -25.0), "up positive; each turn is flown with the next of them", "the lens sees 21 deg either side"
     )
-    turn_percent: float = key(10.0, "yaw stick", "4 deg/s: a target moves by 33 px a cycle", ge=0)
-    turn_s: float = key(90.0, "of a full turn with it", "a full turn", ge=0)
+    turn_percent: float = key(20.0, "yaw stick", "8 deg/s: a target moves by 66 px a cycle", ge=0)
+    turn_s: float = key(45.0, "of a full turn with it", "a full turn", ge=0)
     climb_percent: float = key(60.0, "heave stick after each turn", ge=0)
     climb_s: float = key(5.0, "of the climb after each turn", ge=0)
     turns: int = key(4, "after this number of turns the vehicle holds", ge=0)

@@ -92,12 +92,18 @@ class Assumptions:
             parameters: of the pilot.
         """
         levels = parameters.gust_levels_mps2
-        share = parameters.gust_share_at_sea if self.wave.bar_moves else parameters.gust_share
-        gust_mps2 = max(share * math.hypot(*held_mps2.tolist()), 1e-3)
+        gust_mps2 = max(self._gust_share(parameters) * math.hypot(*held_mps2.tolist()), 1e-3)
         steps = math.log(gust_mps2 / self.gust_mps2) / math.log(levels[1] / levels[0])
         if -_LULL_STEPS <= steps <= _GUST_STEPS:
             return self
         return replace(self, gust_mps2=min(levels, key=lambda level: abs(math.log(level / gust_mps2))))
+
+    def wind_mps2(self, parameters: HorizonParameters) -> float:
+        """Acceleration by the mean wind that gusts of this level go with."""
+        return self.gust_mps2 / self._gust_share(parameters)
+
+    def _gust_share(self, parameters: HorizonParameters) -> float:
+        return parameters.gust_share_at_sea if self.wave.bar_moves else parameters.gust_share
 
     def with_ship(self, ship_mps: float) -> Assumptions:
         """With the speed of a ship whose heading is not seen; 0 where it is, or the ship lies still."""
@@ -130,7 +136,7 @@ def ship_in_view(aircraft_in_bar_m: Array, over_deck_m: float, hull_m: tuple[flo
     return float(max(along_m, 0.0) * max(aside_m, 0.0) / (2.0 * half_m) ** 2)
 
 
-@lru_cache(maxsize=96)  # one scenario's; a worker that flies many would grow without end
+@lru_cache(maxsize=16)  # what alternates in a flight; a worker that flies many would grow without end
 def _model(
     axes: int, motion: AxisModel, noise: Disturbances, wave: WaveMotion, shares: WaveShares | None = None
 ) -> Model:

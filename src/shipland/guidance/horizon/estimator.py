@@ -180,7 +180,8 @@ class Estimator:
         if self._heights.refuses(t_s, place.down_m, place.down_variance, self._sticks.climbs):
             self.rejected = "a pose at a height that no climb leads to"
             return
-        self._heave.update_pose(t_s, place.down_m, place.down_variance, self._sticks.climbs)
+        wind_mps2 = self._assumed.wind_mps2(self._parameters)
+        self._heave.update_pose(t_s, place.down_m, place.down_variance, self._sticks.climbs, wind_mps2)
         if self._heave.wave != self._assumed.wave:
             self._adopt_wave()
         self._update_banks(t_s, place)
@@ -217,7 +218,10 @@ class Estimator:
             self.seen_s = t_s
 
     def _update_banks(self, t_s: float, place: SeenPlace) -> None:
-        """Adapt the correction of time stamps and, where sticks mean a tilt, their gain."""
+        """Adapt the correction of time stamps and, where sticks mean a tilt, their gain; not to a ship that turns."""
+        if self._headings.turning:
+            self._forget_banks()
+            return
         seen, inputs = (place.across_m, place.covariance), (self._sticks.across, self._headings.turn_rad_s)
         self._latency.update_pose(t_s - self._latency.correction_s, *seen, *inputs, self._across)
         if self._assumed.motion.servo_per_s > 0.0:
