@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -110,7 +111,7 @@ class Camera:
         """Mean focal length [px]."""
         return float(0.5 * (self.matrix[0, 0] + self.matrix[1, 1]))
 
-    @property
+    @cached_property
     def has_distortion(self) -> bool:
         """Whether any coefficient is not zero."""
         return bool(np.any(self.distortion))

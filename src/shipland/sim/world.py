@@ -181,7 +181,7 @@ class World:
         self._gimbal_normals = Normals(gimbal_rng)
         set_gimbal(self._record, camera_parameters, sensors, tick_s, self._gimbal_normals)
         self._touchdown = LandingDetector(loop, sensors.range_noise_m, tick_s, range_rng)
-        sense(self._record.states[0], self._record.constants[0])
+        sense(self._record.states, self._record.constants)
         self._sensed_s = 0.0
         self._flier.begin(self._record.sensed)
         self._packaged = isinstance(self._flier, Quadrotor) and self._flier.is_packaged
@@ -300,9 +300,8 @@ class World:
             record.values[_DECK_S] = 0.0
             tick(record.states, record.constants, self._gimbal_normals.draws(2), self._motors_run)
         else:
-            state, constants = record.states[0], record.constants[0]
-            step_gimbal(state, constants, *self._gimbal_normals.draws(2).tolist())
-            sense(state, constants)
+            step_gimbal(record.states, record.constants, self._gimbal_normals.draws(2))
+            sense(record.states, record.constants)
             over_deck = self._bodies.over_deck if self._reach_m < self._near_deck_m else None
             piloted = self._flown_sticks if self._motors_run else None
             force, moment = self._flier.step(motion, record.sensed, piloted, self._wind_mps, over_deck)

@@ -101,13 +101,13 @@ class Quadrotor:
         if deck is not None and self._parameters.airframe.ground_effect:
             values[at("ground_gains")] = [ground_effect_gain(deck(rotor), radius_m) for rotor in self.shape.rotors_m]
         values[at("asked")] = (0.0, 0.0, 0.0, 0.0) if sticks is None else self._asked(sensed, sticks)
-        turn_rotors(record.states[0], record.constants[0])
+        turn_rotors(record.states, record.constants)
         return record.wrench
 
     def _asked(self, sensed: Sensed, sticks: Sticks) -> Sequence[float]:
         """Thrusts that the autopilot asks of the rotors."""
         record = self.record
         record.values[at("demand")] = self.loop.update(sensed, sticks)
-        mix(record.states[0], record.constants[0])
+        mix(record.states, record.constants)
         asked_n: list[float] = record.values[at("asked")].tolist()
         return asked_n

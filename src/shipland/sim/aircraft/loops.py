@@ -21,7 +21,7 @@ from typing import NamedTuple, Protocol
 from shipland.compiled import compiled
 from shipland.frames import GRAVITY_MPS2 as G
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
-from shipland.sim.aircraft.record import Constants, Record, Sensed, State, at
+from shipland.sim.aircraft.record import Constants, Record, Records, Sensed, State, at
 
 
 @compiled
@@ -198,8 +198,9 @@ HOLD_MPS = 0.2
 
 
 @compiled
-def control(s: State, k: Constants) -> None:
+def control(states: Records, constants: Records) -> None:
     """One tick of the inner loop: from what is sensed and the sticks to thrust and moments."""
+    s, k = states[0], constants[0]
     lift = lift_mps2(s, k)
     released = 100.0 * max(abs(s.stick_pitch), abs(s.stick_roll)) < k.hold_below_percent
     if k.velocity_kind > 0.0:
@@ -291,7 +292,7 @@ class AttitudeLoop:
         """See `InnerLoop`."""
         record = self._record
         record.values[at("sensed")], record.values[at("sticks")] = sensed, sticks
-        control(record.states[0], record.constants[0])
+        control(record.states, record.constants)
         return Demand(*record.values[at("demand")].tolist())
 
 

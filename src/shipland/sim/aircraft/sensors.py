@@ -107,22 +107,25 @@ class Normals:
 
 
 @compiled
-def step_gimbal(s: State, k: Constants, roll_normal: float, pitch_normal: float) -> None:
+def step_gimbal(states: Records, constants: Records, normals: Array) -> None:
     """One tick of the gimbal: towards the commanded pitch at a limited rate.
 
-    It holds the horizon but for a bias and a residual motion, a first-order noise that standard normal numbers drive.
+    It holds the horizon but for a bias and a residual motion, a first-order noise that standard normal numbers (2,)
+    drive.
     """
+    s, k = states[0], constants[0]
     wanted = clip(s.gimbal_wanted, k.gimbal_min, k.gimbal_max)
     change = clip(wanted - s.gimbal_pitch, -k.gimbal_most, k.gimbal_most)
     s.gimbal_pitch += change
     s.gimbal_rate = change / k.tick_s
-    s.gimbal_roll_noise = k.gimbal_keep * s.gimbal_roll_noise + k.gimbal_add * roll_normal
-    s.gimbal_pitch_noise = k.gimbal_keep * s.gimbal_pitch_noise + k.gimbal_add * pitch_normal
+    s.gimbal_roll_noise = k.gimbal_keep * s.gimbal_roll_noise + k.gimbal_add * normals[0]
+    s.gimbal_pitch_noise = k.gimbal_keep * s.gimbal_pitch_noise + k.gimbal_add * normals[1]
 
 
 @compiled
-def sense(s: State, k: Constants) -> None:
+def sense(states: Records, constants: Records) -> None:
     """One tick of the aircraft's estimate of itself: the motion with its errors; place is the integral of velocity."""
+    s, k = states[0], constants[0]
     s.stray_n += s.error_n * k.tick_s
     s.stray_e += s.error_e * k.tick_s
     s.w_at_tick = s.w

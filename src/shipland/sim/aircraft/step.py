@@ -87,8 +87,9 @@ def drag_slope_per_s(constants: Records, wind_mps: float) -> float:
 
 
 @compiled
-def mix(s: State, k: Constants) -> None:
+def mix(states: Records, constants: Records) -> None:
     """Thrusts of the rotors; what exceeds their range goes first from yaw, then from roll and pitch."""
+    s, k = states[0], constants[0]
     share = clip(0.25 * s.demand_n, 1.5 * k.low_n, 0.9 * k.top_n)
     room = min(share - k.low_n, k.top_n - share)
     roll, pitch = -0.25 * s.demand_roll / k.motor_right_m, 0.25 * s.demand_pitch / k.motor_forward_m
@@ -103,12 +104,13 @@ def mix(s: State, k: Constants) -> None:
 
 
 @compiled
-def turn_rotors(s: State, k: Constants) -> None:
+def turn_rotors(states: Records, constants: Records) -> None:
     """The wrench until the next tick: thrusts that follow those asked, drag and inflow loss of the air.
 
     A rotor's thrust follows with a first-order lag; its mean over the tick acts, less what an unsound rotor loses. Lift
     has the ground effect's gain, torque has not.
     """
+    s, k = states[0], constants[0]
     total = s.thrust_a + s.thrust_b + s.thrust_c + s.thrust_d
     a, s.thrust_a = _follow(s.thrust_a, s.asked_a, k)
     b, s.thrust_b = _follow(s.thrust_b, s.asked_b, k)
@@ -173,15 +175,15 @@ def tick(states: Records, constants: Records, noise: Array, motors_run: bool) ->
     `noise` (2,) are standard normal numbers of the gimbal; without `motors_run` no rotor is commanded.
     """
     s, k = states[0], constants[0]
-    step_gimbal(s, k, noise[0], noise[1])
-    sense(s, k)
+    step_gimbal(states, constants, noise)
+    sense(states, constants)
     if motors_run:
-        control(s, k)
-        mix(s, k)
+        control(states, constants)
+        mix(states, constants)
     else:
         s.asked_a, s.asked_b, s.asked_c, s.asked_d = 0.0, 0.0, 0.0, 0.0
     feel_ground(s, k)
-    turn_rotors(s, k)
+    turn_rotors(states, constants)
 
 
 SAFE_UPRIGHT = 0.5
