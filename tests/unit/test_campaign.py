@@ -1,5 +1,6 @@
 """Campaigns: rows survive the file, what is done is not flown again, rows of different flights never mix."""
 
+import itertools
 import json
 import math
 import os
@@ -319,3 +320,36 @@ def test_weights_bind_every_vision_that_looks_at_pictures(tmp_path, monkeypatch)
     scenario = load_scenario("near")
     assert folders.campaign_key(scenario, "paper", "own_eyes:looks")["weights"].keys() == {"ship", "bar"}
     assert folders.campaign_key(scenario, "paper", "own_eyes:knows")["weights"] == {}
+
+
+def test_what_a_scenario_names_outside_the_package_binds_too(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    own = "from shipland.sim.aircraft.{} as {}\n"
+    files = {
+        "deck.csv": "t_s,surge_m,sway_m,heave_m,roll_deg,pitch_deg,yaw_deg\n",
+        "policy.onnx": "",
+        "key_aircraft.py": own.format("aircraft import Quadrotor", "made"),
+        "key_loop.py": own.format("loops import AttitudeLoop", "made"),
+    }
+    for name, text in files.items():
+        Path(name).write_text(text)
+    settings = {
+        "ship.motion": "recorded",
+        "ship.recorded.path": "deck.csv",
+        "guidance.learned.direct": "policy.onnx",
+        "aircraft.kind": "key_aircraft:made",
+        "aircraft.loop.kind": "key_loop:made",
+    }
+    scenario = load_scenario("near", **settings)
+    keys = [folders.campaign_key(scenario, "paper", "geometric")]
+    for name, text in files.items():
+        Path(name).write_text(text + "\n")
+        keys.append(folders.campaign_key(scenario, "paper", "geometric"))
+    bound = [{word: key[word] for word in ("own_code", "weights")} for key in keys]
+    assert all(before != after for before, after in itertools.pairwise(bound))
+    assert bound[0]["weights"].keys() == {"direct", "motion"}
+    Path("deck.csv").unlink()
+    with pytest.raises(DataError, match=r"deck.csv cannot be read: No such file"):
+        folders.campaign_key(scenario, "paper", "geometric")
+    at_rest = folders.campaign_key(load_scenario("near"), "paper", "geometric")
+    assert (at_rest["own_code"], at_rest["weights"]) == ({}, {}), "nothing but the package flies"

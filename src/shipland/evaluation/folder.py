@@ -23,6 +23,7 @@ from shipland.evaluation.landing import COLUMNS, Landing, as_text, landing_from,
 from shipland.factories import Factory
 from shipland.files import json_bytes, json_of, read_text, remove_unfinished, write_atomically
 from shipland.former import renamed
+from shipland.guidance.horizon.learned import policy_path
 from shipland.record.info import config_digest, file_digest
 from shipland.scenario.scenario import Scenario
 from shipland.scenario.visions import needs_pictures
@@ -35,8 +36,8 @@ _BOUND = {
     "configuration": "configuration",
     "pilot": "pilot",
     "vision": "vision",
-    "own_code": "own pilot or vision code",
-    "weights": "weights",
+    "own_code": "own code",
+    "weights": "weights or recorded motion",
 }
 """Keys that must be equal for all landings of a folder, with their names in words."""
 
@@ -57,23 +58,21 @@ def source_digest() -> str:
 def campaign_key(scenario: Scenario, pilot: str | Factory, vision: str | Factory) -> dict[str, Any]:
     """What landings of one table must have in common, with further facts for the reader.
 
-    DataError where weights are missing, ConfigError where pilot or vision stand in no file.
+    DataError or ConfigError where a file that flies is missing, or own code stands in no file.
     """
-    table, detector, weights = scenario.table(), scenario.detector, {}
-    names = [factories.name_of(each) for each in (pilot, vision)]
-    if needs_pictures(factories.resolve("visions", vision)):
-        from shipland.vision.far.detector import weights_path
-
-        for kind, name in (("ship", detector.ship_weights), ("bar", detector.bar_weights)):
-            weights[kind] = file_digest(weights_path(name, detector.precision))
+    table, aircraft = scenario.table(), scenario.aircraft
+    flies = {"pilots": pilot, "visions": vision, "aircraft": aircraft.kind, "loops": aircraft.loop.kind}
+    names = {group: factories.name_of(each) for group, each in flies.items()}
     return {
         "version": code_version(),
         "source": source_digest(),
         "configuration": config_digest(table),
-        "pilot": names[0],
-        "vision": names[1],
-        "own_code": {name: _own_code_digest(name) for name in names if factories.is_own_code(name)},
-        "weights": weights,
+        "pilot": names["pilots"],
+        "vision": names["visions"],
+        "own_code": {
+            name: _own_code_digest(group, name) for group, name in names.items() if factories.is_own_code(name)
+        },
+        "weights": {what: _digest_of(path) for what, path in _files_of(scenario, vision)},
         "python": platform.python_version(),
         "libraries": {name: _version_of(name) for name in _LIBRARIES},
         "command": _command(),
@@ -86,7 +85,30 @@ def _command() -> str:
     return shlex.join(["shipland" if program == "__main__.py" else program, *sys.argv[1:]])
 
 
-def _own_code_digest(name: str) -> str:
+def _files_of(scenario: Scenario, vision: str | Factory) -> Iterator[tuple[str, Path]]:
+    """What a flight reads beside code, by what it is: detectors, and what the scenario names outside the package."""
+    if needs_pictures(factories.resolve("visions", vision)):
+        from shipland.vision.far.detector import weights_path
+
+        detector = scenario.detector
+        for kind, name in (("ship", detector.ship_weights), ("bar", detector.bar_weights)):
+            yield kind, weights_path(name, detector.precision)
+    for kind, name in vars(scenario.guidance.learned).items():
+        path = policy_path(name)
+        if not path.is_relative_to(str(resources.files("shipland"))):
+            yield kind, path
+    if scenario.ship.motion == "recorded":
+        yield "motion", Path(scenario.ship.recorded.path)
+
+
+def _digest_of(path: Path) -> str:
+    try:
+        return file_digest(path)
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror}") from None
+
+
+def _own_code_digest(group: str, name: str) -> str:
     """Of the file that holds `module:factory`; empty for a module without one."""
     module, _, factory = name.partition(":")
     if module == "__main__":
@@ -97,6 +119,7 @@ def _own_code_digest(name: str) -> str:
                 f"write it into a file, own.py, and give 'own:{factory}', or give no folder"
             )
         return file_digest(path)
+    factories.resolve(group, name)
     spec = importlib.util.find_spec(module)
     return file_digest(Path(spec.origin)) if spec is not None and spec.origin is not None else ""
 
