@@ -4,6 +4,8 @@ import itertools
 import json
 import math
 import os
+import resource
+import signal
 import subprocess
 import threading
 from dataclasses import replace
@@ -201,6 +203,22 @@ def test_a_full_disk_is_one_line(tmp_path):
     (tmp_path / "landings.csv").symlink_to("/dev/full")
     with pytest.raises(DataError, match="No space left on device"):
         folder.append(GOOD)
+
+
+def test_a_row_that_a_full_disk_cut_leaves_nothing_behind(tmp_path):
+    folder = folder_in(tmp_path, EMPTY_KEY)
+    folder.append(GOOD)
+    size = (tmp_path / "landings.csv").stat().st_size
+    limits, handler = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size + 20, limits[1]))
+        with pytest.raises(DataError, match="cannot be written: File too large"):
+            folder.append(seeded(GOOD, 2))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, handler)
+    folder.append(seeded(GOOD, 3))  # there is space again
+    assert [landing.seed for landing in read_campaign(tmp_path)] == [1, 3]
 
 
 @full_disk

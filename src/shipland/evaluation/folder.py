@@ -11,7 +11,7 @@ import platform
 import shlex
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import metadata, resources
 from pathlib import Path
@@ -153,10 +153,16 @@ class CampaignFolder:
             write_atomically(self._path, whole.encode())
 
     def append(self, landing: Landing) -> None:
-        """Write one more row; DataError when it cannot be written."""
+        """Write one more row, or nothing of it and DataError when it cannot be written."""
         try:
-            with self._path.open("a", newline="", encoding="utf-8") as file:
-                csv.DictWriter(file, COLUMNS, lineterminator="\n").writerow(as_text(row_of(landing)))
+            size = self._path.stat().st_size
+            try:
+                with self._path.open("a", newline="", encoding="utf-8") as file:
+                    csv.DictWriter(file, COLUMNS, lineterminator="\n").writerow(as_text(row_of(landing)))
+            except OSError:
+                with suppress(OSError):
+                    os.truncate(self._path, size)
+                raise
         except OSError as error:
             raise DataError(f"{self._path} cannot be written: {error.strerror}") from None
         self.seeds.add(landing.seed)
