@@ -205,6 +205,13 @@ def test_a_full_disk_is_one_line(tmp_path):
         folder.append(GOOD)
 
 
+def test_a_text_holds_what_ends_a_line_elsewhere(tmp_path):
+    folder, odd = folder_in(tmp_path, EMPTY_KEY), replace(GOOD, reason="one\u2028two\x85three")
+    folder.append(odd)
+    folder.append(seeded(GOOD, 2))
+    assert [landing.reason for landing in read_campaign(tmp_path)] == [odd.reason, GOOD.reason]
+
+
 def test_a_row_that_a_full_disk_cut_leaves_nothing_behind(tmp_path):
     folder = folder_in(tmp_path, EMPTY_KEY)
     folder.append(GOOD)

@@ -6,6 +6,7 @@ import csv
 import fcntl
 import hashlib
 import importlib.util
+import io
 import os
 import platform
 import shlex
@@ -229,10 +230,15 @@ def _whole_rows(text: str) -> str:
     return text[: text.rfind("\n") + 1]
 
 
+def rows_in(text: str) -> csv.DictReader[str]:
+    """The rows of a landings.csv; lines end where its writer ends them, and not at other signs that a text may hold."""
+    return csv.DictReader(io.StringIO(text))
+
+
 def _landings(path: Path, text: str) -> dict[int, Landing]:
     """By seed; `path` is for messages."""
     done: dict[int, Landing] = {}
-    rows = csv.DictReader(text.splitlines())
+    rows = rows_in(text)
     while True:
         try:
             if (row := next(rows, None)) is None:
