@@ -141,17 +141,18 @@ def fly(scenario: Scenario, pilot: str, vision: str, runs: int) -> list[Landing]
             folder.append(landing)
 
     def flown(seed: int) -> Landing:
-        keep(landing := land_quietly(FlightJob(scenario, pilot, vision, seed)))
-        return landing
+        if seed not in folder.done:
+            keep(land_quietly(FlightJob(scenario, pilot, vision, seed)))
+        return folder.done[seed]
 
-    earlier = [] if folder.done else _of_earlier_code(out, key["source"])
+    seeds = range(1, runs + 1)
+    earlier = [] if folder.done.keys() >= set(seeds) else _of_earlier_code(out, key["source"])
     if all(_written(flown(landing.seed)) == _written(landing) for landing in earlier[::_EVERY]):
         for landing in earlier:
             keep(landing)
-    missing = [seed for seed in range(1, runs + 1) if seed not in folder.done]
-    for seed in missing or [1]:  # one in any case: it imports what the rows depend on
-        flown(seed)
-    return [folder.done[seed] for seed in range(1, runs + 1)]
+    if folder.done.keys() >= set(seeds):
+        land_quietly(FlightJob(scenario, pilot, vision, 1))  # it imports what the rows depend on
+    return [flown(seed) for seed in seeds]
 
 
 def _written(landing: Landing) -> list[str]:

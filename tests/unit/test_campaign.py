@@ -1,8 +1,11 @@
 """Campaigns: rows survive the file, what is done is not flown again, rows of different flights never mix."""
 
+import itertools
 import json
 import math
 import os
+import resource
+import signal
 import subprocess
 import threading
 from dataclasses import replace
@@ -202,6 +205,29 @@ def test_a_full_disk_is_one_line(tmp_path):
         folder.append(GOOD)
 
 
+def test_a_text_holds_what_ends_a_line_elsewhere(tmp_path):
+    folder, odd = folder_in(tmp_path, EMPTY_KEY), replace(GOOD, reason="one\u2028two\x85three")
+    folder.append(odd)
+    folder.append(seeded(GOOD, 2))
+    assert [landing.reason for landing in read_campaign(tmp_path)] == [odd.reason, GOOD.reason]
+
+
+def test_a_row_that_a_full_disk_cut_leaves_nothing_behind(tmp_path):
+    folder = folder_in(tmp_path, EMPTY_KEY)
+    folder.append(GOOD)
+    size = (tmp_path / "landings.csv").stat().st_size
+    limits, handler = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size + 20, limits[1]))
+        with pytest.raises(DataError, match="cannot be written: File too large"):
+            folder.append(seeded(GOOD, 2))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, handler)
+    folder.append(seeded(GOOD, 3))  # there is space again
+    assert [landing.seed for landing in read_campaign(tmp_path)] == [1, 3]
+
+
 @full_disk
 def test_after_a_full_disk_the_folder_can_be_used(tmp_path):
     (tmp_path / f".campaign.json.{os.getpid()}.part").symlink_to("/dev/full")
@@ -319,3 +345,36 @@ def test_weights_bind_every_vision_that_looks_at_pictures(tmp_path, monkeypatch)
     scenario = load_scenario("near")
     assert folders.campaign_key(scenario, "paper", "own_eyes:looks")["weights"].keys() == {"ship", "bar"}
     assert folders.campaign_key(scenario, "paper", "own_eyes:knows")["weights"] == {}
+
+
+def test_what_a_scenario_names_outside_the_package_binds_too(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    own = "from shipland.sim.aircraft.{} as {}\n"
+    files = {
+        "deck.csv": "t_s,surge_m,sway_m,heave_m,roll_deg,pitch_deg,yaw_deg\n",
+        "policy.onnx": "",
+        "key_aircraft.py": own.format("aircraft import Quadrotor", "made"),
+        "key_loop.py": own.format("loops import AttitudeLoop", "made"),
+    }
+    for name, text in files.items():
+        Path(name).write_text(text)
+    settings = {
+        "ship.motion": "recorded",
+        "ship.recorded.path": "deck.csv",
+        "guidance.learned.direct": "policy.onnx",
+        "aircraft.kind": "key_aircraft:made",
+        "aircraft.loop.kind": "key_loop:made",
+    }
+    scenario = load_scenario("near", **settings)
+    keys = [folders.campaign_key(scenario, "paper", "geometric")]
+    for name, text in files.items():
+        Path(name).write_text(text + "\n")
+        keys.append(folders.campaign_key(scenario, "paper", "geometric"))
+    bound = [{word: key[word] for word in ("own_code", "weights")} for key in keys]
+    assert all(before != after for before, after in itertools.pairwise(bound))
+    assert bound[0]["weights"].keys() == {"direct", "motion"}
+    Path("deck.csv").unlink()
+    with pytest.raises(DataError, match=r"deck.csv cannot be read: No such file"):
+        folders.campaign_key(scenario, "paper", "geometric")
+    at_rest = folders.campaign_key(load_scenario("near"), "paper", "geometric")
+    assert (at_rest["own_code"], at_rest["weights"]) == ({}, {}), "nothing but the package flies"

@@ -209,7 +209,7 @@ def test_a_script_without_a_guard_flies_its_own_pilot_in_two_processes(tmp_path)
     assert done.stdout.splitlines() == ["the script runs", "True 4 __main__:own"], done.stderr
     # Of two processes one may have got no such flight; where nothing was compiled, a third has flown the first.
     assert len(list(tmp_path.glob("*.flown"))) in (1, 2, 3)
-    assert re.search("DataError: out/.* holds landings of another own pilot or vision code", done.stderr)
+    assert re.search("DataError: out/.* holds landings of another own code", done.stderr)
 
 
 @pytest.mark.slow

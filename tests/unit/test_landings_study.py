@@ -101,3 +101,26 @@ def test_flights_of_earlier_code_are_taken_over_where_every_tenth_comes_out_the_
     after = landings.fly(scenario, "horizon", "geometric", 30)
     assert jobs == (flown if changed else [*flown, 1])  # the last for what it imports
     assert [it.seed for it in after if str(it) != str(before[it.seed - 1])] == list(changed)
+
+
+def test_a_take_over_that_was_interrupted_goes_on(tmp_path, monkeypatch):
+    """What is kept of the sample is compared as it is, and only the rest of the sample is flown."""
+    scenario, jobs = load_scenario("rig-natops"), []
+
+    def land(job):
+        if job.seed == stopped_at:
+            raise KeyboardInterrupt
+        jobs.append(job.seed)
+        return seeded(GOOD, job.seed)
+
+    monkeypatch.setattr(landings, "PARTS", tmp_path)
+    monkeypatch.setattr(landings, "land_quietly", land)
+    monkeypatch.setattr(landings, "campaign_key", lambda *what: campaign_key(*what) | {"source": folder})
+    folder, stopped_at = "a", None
+    before = landings.fly(scenario, "horizon", "geometric", 30)
+    folder, stopped_at, jobs = "b", 11, []
+    with pytest.raises(KeyboardInterrupt):
+        landings.fly(scenario, "horizon", "geometric", 30)
+    stopped_at = None
+    assert landings.fly(scenario, "horizon", "geometric", 30) == before
+    assert jobs == [1, 11, 21, 1]  # the last for what it imports

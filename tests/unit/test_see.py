@@ -3,6 +3,7 @@
 import csv
 import json
 import struct
+from fractions import Fraction
 from pathlib import Path
 
 import cv2
@@ -261,6 +262,63 @@ def test_a_video_that_ends_too_early_says_how_much_was_read(tmp_path, bar_image,
     cut.write_bytes(cut.read_bytes()[:-200])
     assert See((cut,)).run() == 1
     assert "cut.mp4 breaks off after picture" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("suffix", [".mkv", ".mp4"])
+@pytest.mark.parametrize(
+    ("stamps_ms", "sound_s"),
+    [
+        ([0, 30, 60, 400, 430, 1000, 1300, 1330, 2000, 2400, 2900, 3000], 3.3),
+        ([5000 + 33 * index for index in range(10)], 0.0),
+        ([33 * index for index in range(20)], 1.5),
+    ],
+    ids=["variable rate", "begins later", "longer sound"],
+)
+def test_a_whole_film_of_any_rate_start_and_sound_does_not_break_off(stamps_ms, sound_s, suffix, tmp_path):
+    path = tmp_path / f"film{suffix}"
+    write_timed_film(path, stamps_ms, sound_s)
+    assert [round(1e3 * t_s) for t_s, _ in read_video(path)] == pytest.approx(stamps_ms, abs=1)
+    if suffix == ".mkv":
+        path.write_bytes(path.read_bytes()[: path.stat().st_size * 6 // 10])
+        with pytest.raises(DataError, match=r"film\.mkv breaks off after picture \d+: [\d.]+ of [\d.]+ s"):
+            list(read_video(path))
+
+
+@pytest.mark.parametrize("suffix", [".avi", ".mkv"])
+def test_a_silent_film_of_a_steady_rate_that_was_cut_breaks_off(suffix, tmp_path):
+    rng = np.random.default_rng(1)
+    images = [rng.integers(0, 255, (64, 64, 3)).astype(np.uint8) for _ in range(30)]
+    path = write_film(tmp_path / f"film{suffix}", images)
+    assert len(list(read_video(path))) == 30
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 8 // 10])
+    with pytest.raises(DataError, match="breaks off after picture"):
+        list(read_video(path))
+
+
+def write_timed_film(path, stamps_ms, sound_s):
+    """A film of noise, a picture at each stamp, with so much silence beside it."""
+    import av
+
+    rng = np.random.default_rng(1)
+    with av.open(str(path), "w") as container:
+        video = container.add_stream("libx264", rate=30)
+        video.width, video.height, video.pix_fmt = 64, 64, "yuv420p"
+        video.codec_context.time_base = Fraction(1, 1000)
+        sound = container.add_stream("aac", rate=48000) if sound_s else None
+        packets = []
+        for stamp_ms in stamps_ms:
+            picture = av.VideoFrame.from_ndarray(rng.integers(0, 255, (64, 64, 3)).astype(np.uint8), format="bgr24")
+            picture.pts, picture.time_base = stamp_ms, Fraction(1, 1000)
+            packets += video.encode(picture)
+        packets += video.encode()
+        if sound is not None:
+            for start in range(0, round(48000 * sound_s), 1024):
+                silence = av.AudioFrame.from_ndarray(np.zeros((1, 2048), np.int16), format="s16", layout="stereo")
+                silence.sample_rate, silence.pts, silence.time_base = 48000, start, Fraction(1, 48000)
+                packets += sound.encode(silence)
+            packets += sound.encode()
+        for packet in sorted(packets, key=lambda packet: packet.dts * packet.time_base):
+            container.mux(packet)
 
 
 def test_a_film_that_was_taken_upright_is_turned_as_a_player_shows_it(tmp_path):

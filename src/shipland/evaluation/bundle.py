@@ -8,8 +8,6 @@ logs. A row that was made up well is found only by flying it again (`verify`).
 
 from __future__ import annotations
 
-import csv
-import io
 import tempfile
 import zipfile
 import zlib
@@ -27,6 +25,7 @@ import numpy as np
 from shipland import factories
 from shipland.errors import DataError
 from shipland.evaluation.campaign import CellResult, read_about, read_cells
+from shipland.evaluation.folder import rows_in
 from shipland.evaluation.landing import COLUMNS, Landing, as_text, row_of
 from shipland.evaluation.suite import Cell, Overrides, cells_of, load_suite, salt_digest, sealed_seeds, task_digest
 from shipland.evaluation.tally import Tally
@@ -235,19 +234,19 @@ def _module_of(name: str) -> str:
 
 def _check_rows(cell: CellResult, folder: Path) -> None:
     """landings.csv is, to the letter, what its landings are written as, each seed once."""
-    text = read_text(folder / cell.name / "landings.csv")
-    rows = list(csv.reader(io.StringIO(text)))
-    if not rows or rows[0] != list(COLUMNS):
+    table = rows_in(read_text(folder / cell.name / "landings.csv"))
+    if table.fieldnames != COLUMNS:
         raise DataError(f"{cell.name}: the columns of its landings.csv are not this version's")
-    counts = Counter(row[COLUMNS.index("seed")] for row in rows[1:])
+    rows = list(table)
+    counts = Counter(row["seed"] for row in rows)
     for seed, count in counts.items():
         if count > 1:
             raise DataError(f"{cell.name}: seed {seed} is in its rows {count} times")
-    by_seed = {it.seed: texts_of(it) for it in cell.landings}
-    for row in rows[1:]:
-        seed = row[COLUMNS.index("seed")]
-        for name, found, meant in zip(COLUMNS, row, by_seed[int(seed)], strict=True):
-            if found != meant:
+    by_seed = {it.seed: dict(zip(COLUMNS, texts_of(it), strict=True)) for it in cell.landings}
+    for row in rows:
+        seed = row["seed"]
+        for name, found in row.items():
+            if found != (meant := by_seed[int(seed)].get(name)):
                 raise DataError(f"{cell.name}, seed {seed}: {name} is {found}, but its other columns make it {meant}")
 
 
@@ -265,7 +264,7 @@ def _check_key(bundle: Bundle, cell: CellResult) -> None:
         if key[word] != bundle.about[word]:
             raise DataError(f"{cell.name}: its {word} is {key[word]}, that of the bundle {bundle.about[word]}")
     own = {name: bundle.folder / file for name, file in bundle.about["own_code"].items()}
-    held = {name: file_digest(own[name]) for name in (key["pilot"], key["vision"]) if name in own}
+    held = {name: file_digest(own[name]) for name in _own_names(key)}
     if key["own_code"] != held:
         raise DataError(f"{cell.name}: the code that flew is {key['own_code']} by its digest, in the bundle {held}")
     if (key["pilot"], key["vision"]) != (cell.pilot, cell.vision):

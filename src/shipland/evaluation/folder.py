@@ -6,12 +6,13 @@ import csv
 import fcntl
 import hashlib
 import importlib.util
+import io
 import os
 import platform
 import shlex
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import metadata, resources
 from pathlib import Path
@@ -23,6 +24,7 @@ from shipland.evaluation.landing import COLUMNS, Landing, as_text, landing_from,
 from shipland.factories import Factory
 from shipland.files import json_bytes, json_of, read_text, remove_unfinished, write_atomically
 from shipland.former import renamed
+from shipland.guidance.horizon.learned import policy_path
 from shipland.record.info import config_digest, file_digest
 from shipland.scenario.scenario import Scenario
 from shipland.scenario.visions import needs_pictures
@@ -35,8 +37,8 @@ _BOUND = {
     "configuration": "configuration",
     "pilot": "pilot",
     "vision": "vision",
-    "own_code": "own pilot or vision code",
-    "weights": "weights",
+    "own_code": "own code",
+    "weights": "weights or recorded motion",
 }
 """Keys that must be equal for all landings of a folder, with their names in words."""
 
@@ -57,23 +59,21 @@ def source_digest() -> str:
 def campaign_key(scenario: Scenario, pilot: str | Factory, vision: str | Factory) -> dict[str, Any]:
     """What landings of one table must have in common, with further facts for the reader.
 
-    DataError where weights are missing, ConfigError where pilot or vision stand in no file.
+    DataError or ConfigError where a file that flies is missing, or own code stands in no file.
     """
-    table, detector, weights = scenario.table(), scenario.detector, {}
-    names = [factories.name_of(each) for each in (pilot, vision)]
-    if needs_pictures(factories.resolve("visions", vision)):
-        from shipland.vision.far.detector import weights_path
-
-        for kind, name in (("ship", detector.ship_weights), ("bar", detector.bar_weights)):
-            weights[kind] = file_digest(weights_path(name, detector.precision))
+    table, aircraft = scenario.table(), scenario.aircraft
+    flies = {"pilots": pilot, "visions": vision, "aircraft": aircraft.kind, "loops": aircraft.loop.kind}
+    names = {group: factories.name_of(each) for group, each in flies.items()}
     return {
         "version": code_version(),
         "source": source_digest(),
         "configuration": config_digest(table),
-        "pilot": names[0],
-        "vision": names[1],
-        "own_code": {name: _own_code_digest(name) for name in names if factories.is_own_code(name)},
-        "weights": weights,
+        "pilot": names["pilots"],
+        "vision": names["visions"],
+        "own_code": {
+            name: _own_code_digest(group, name) for group, name in names.items() if factories.is_own_code(name)
+        },
+        "weights": {what: _digest_of(path) for what, path in _files_of(scenario, vision)},
         "python": platform.python_version(),
         "libraries": {name: _version_of(name) for name in _LIBRARIES},
         "command": _command(),
@@ -86,7 +86,30 @@ def _command() -> str:
     return shlex.join(["shipland" if program == "__main__.py" else program, *sys.argv[1:]])
 
 
-def _own_code_digest(name: str) -> str:
+def _files_of(scenario: Scenario, vision: str | Factory) -> Iterator[tuple[str, Path]]:
+    """What a flight reads beside code, by what it is: detectors, and what the scenario names outside the package."""
+    if needs_pictures(factories.resolve("visions", vision)):
+        from shipland.vision.far.detector import weights_path
+
+        detector = scenario.detector
+        for kind, name in (("ship", detector.ship_weights), ("bar", detector.bar_weights)):
+            yield kind, weights_path(name, detector.precision)
+    for kind, name in vars(scenario.guidance.learned).items():
+        path = policy_path(name)
+        if not path.is_relative_to(str(resources.files("shipland"))):
+            yield kind, path
+    if scenario.ship.motion == "recorded":
+        yield "motion", Path(scenario.ship.recorded.path)
+
+
+def _digest_of(path: Path) -> str:
+    try:
+        return file_digest(path)
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror}") from None
+
+
+def _own_code_digest(group: str, name: str) -> str:
     """Of the file that holds `module:factory`; empty for a module without one."""
     module, _, factory = name.partition(":")
     if module == "__main__":
@@ -97,6 +120,7 @@ def _own_code_digest(name: str) -> str:
                 f"write it into a file, own.py, and give 'own:{factory}', or give no folder"
             )
         return file_digest(path)
+    factories.resolve(group, name)
     spec = importlib.util.find_spec(module)
     return file_digest(Path(spec.origin)) if spec is not None and spec.origin is not None else ""
 
@@ -130,10 +154,16 @@ class CampaignFolder:
             write_atomically(self._path, whole.encode())
 
     def append(self, landing: Landing) -> None:
-        """Write one more row; DataError when it cannot be written."""
+        """Write one more row, or nothing of it and DataError when it cannot be written."""
         try:
-            with self._path.open("a", newline="", encoding="utf-8") as file:
-                csv.DictWriter(file, COLUMNS, lineterminator="\n").writerow(as_text(row_of(landing)))
+            size = self._path.stat().st_size
+            try:
+                with self._path.open("a", newline="", encoding="utf-8") as file:
+                    csv.DictWriter(file, COLUMNS, lineterminator="\n").writerow(as_text(row_of(landing)))
+            except OSError:
+                with suppress(OSError):
+                    os.truncate(self._path, size)
+                raise
         except OSError as error:
             raise DataError(f"{self._path} cannot be written: {error.strerror}") from None
         self.seeds.add(landing.seed)
@@ -200,10 +230,15 @@ def _whole_rows(text: str) -> str:
     return text[: text.rfind("\n") + 1]
 
 
+def rows_in(text: str) -> csv.DictReader[str]:
+    """The rows of a landings.csv; lines end where its writer ends them, and not at other signs that a text may hold."""
+    return csv.DictReader(io.StringIO(text))
+
+
 def _landings(path: Path, text: str) -> dict[int, Landing]:
     """By seed; `path` is for messages."""
     done: dict[int, Landing] = {}
-    rows = csv.DictReader(text.splitlines())
+    rows = rows_in(text)
     while True:
         try:
             if (row := next(rows, None)) is None:

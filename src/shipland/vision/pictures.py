@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import itertools
+import math
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
@@ -34,8 +35,8 @@ VIDEO_SUFFIXES = frozenset({".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".m
 
 
 _MISSED, _MISSED_SHARE = 2, 0.02
-"""Pictures that a video may have fewer than it says, and as a share of them: editors leave some out, and durations are
-of the longest stream."""
+"""By so many pictures, at the longest time between two, or this share of its duration a video may end before its file
+says: a picture's own duration counts, and editors leave some out."""
 
 
 @dataclass(frozen=True)
@@ -218,23 +219,32 @@ def read_video(path: Path) -> Generator[tuple[float, Picture], None, None]:
 
     if not path.is_file():
         raise DataError(f"video {path} does not exist")
-    count = 0
+    stamps_s: list[float] = []
+    sound_s = -math.inf
     try:
         with av.open(str(path)) as container:
             if not container.streams.video:
                 raise DataError(f"{path} holds no video stream")
             stream = container.streams.video[0]
             step_s = float(1 / stream.average_rate) if stream.average_rate else 1.0 / 30.0
-            expected = stream.frames or round((container.duration or 0) * 1e-6 / step_s)
-            for picture in container.decode(stream):
-                t_s = picture.time if picture.time is not None else count * step_s
-                pixels = np.asarray(picture.to_ndarray(format="bgr24"), np.uint8)
-                yield float(t_s), np.ascontiguousarray(np.rot90(pixels, round(picture.rotation / 90.0)))
-                count += 1
+            # Without a number of pictures the file has a duration (Matroska), which counts from 0.
+            begin_s = float((stream.start_time or 0) * (stream.time_base or 0))
+            end_s = begin_s + stream.frames * step_s if stream.frames else 1e-6 * (container.duration or 0)
+            for packet in container.demux():
+                if packet.stream.index == stream.index:
+                    for picture in stream.decode(packet):
+                        stamps_s.append(float(len(stamps_s) * step_s if picture.time is None else picture.time))
+                        pixels = np.asarray(picture.to_ndarray(format="bgr24"), np.uint8)
+                        yield stamps_s[-1], np.ascontiguousarray(np.rot90(pixels, round(picture.rotation / 90.0)))
+                elif packet.pts is not None:
+                    sound_s = max(sound_s, float(packet.pts * (packet.time_base or 0)))
     except (av.error.FFmpegError, OSError) as error:
-        place = f"breaks off after picture {count - 1}" if count else "is not a video that can be read"
+        place = f"breaks off after picture {len(stamps_s) - 1}" if stamps_s else "is not a video that can be read"
         raise DataError(f"{path} {place}: {error.strerror or error}") from None
-    if count == 0:
+    if not stamps_s:
         raise DataError(f"video {path} holds no pictures")
-    if count < expected - max(_MISSED, _MISSED_SHARE * expected):
-        raise DataError(f"{path} breaks off after picture {count - 1}: {count} of {expected} pictures read")
+    reached_s, longest_s = max(stamps_s[-1], sound_s), max(np.diff(stamps_s), default=step_s)
+    if end_s - reached_s > max(_MISSED * longest_s, _MISSED_SHARE * (end_s - begin_s)):
+        raise DataError(
+            f"{path} breaks off after picture {len(stamps_s) - 1}: {reached_s:.2f} of {end_s:.2f} s could be read"
+        )
