@@ -119,6 +119,7 @@ def test_beyond_the_readings_and_between_distant_ones_nothing_is_known():
         (lambda folder: table(folder / "a.txt", []), None, None, r"expected \.csv, \.bin, \.tlog, \.ulg or a flight"),
         (lambda folder: table(folder / "a.csv", [], ("t_s", "roll")), None, None, "lacks roll_deg, pitch_deg; exp"),
         (lambda folder: table(folder / "a.csv", [("0", "x", "1")]), None, None, "line 2 has no number"),
+        (lambda folder: table(folder / "a.csv", [(0, 180, -180), (1, 400, 1)]), None, None, "line 3 has an angle"),
         (lambda folder: table(folder / "a.csv", []), None, None, "holds no reading"),
         (lambda folder: as_dataflash(folder / "a.bin", "ATT", rows_from(8.0)), 8.0, None, "give --mount-pitch-deg"),
         (

@@ -6,6 +6,7 @@ import shutil
 import sys
 import zipfile
 from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from shipland.evaluation.verify import Verified, fly_again, read_receipt, write_
 from shipland.record.info import config_digest
 from shipland.report.benchmark_page import benchmark_page, entries_of, standings
 from shipland.scenario.fly import flight_log
+from shipland.scenario.scenario import load_scenario
 
 TINY = Suite("tiny", 1, "made up", (SuiteEntry(("rig-natops", "ship-sea6")),))
 REAL = job.land_once
@@ -283,6 +285,17 @@ def test_a_damaged_bundle_is_one_line(bundle, what):
     bundle.write_bytes(data)
     with pytest.raises(DataError, match="is no bundle of"), opened(bundle):
         pass
+
+
+def test_an_own_aircraft_is_taken_along(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("bundled_aircraft.py").write_text("from shipland.sim.aircraft.aircraft import Quadrotor as made\n")
+    scenario = load_scenario("near", **{"aircraft.kind": "bundled_aircraft:made"})
+    shipland.campaign(scenario, pilot="paper", runs=1, out="flown", workers=1, progress=False, oracle_motions=0)
+    about = write_bundle(Path("flown"), Path("mine.zip"), "mine", 1, None)
+    assert about["own_code"] == {"bundled_aircraft:made": "code/bundled_aircraft.py"}
+    with opened(Path("mine.zip")) as found:
+        assert len(found.flights) == 1
 
 
 def test_other_code_is_named(bundle, monkeypatch, here):

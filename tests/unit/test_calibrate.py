@@ -100,11 +100,13 @@ def test_a_bent_board_and_a_picture_without_one_are_left_out_with_the_reason(tmp
     texture = board_texture(charuco=False)
     cv2.imwrite(str(tmp_path / "bent.png"), photograph(texture, (0.2, -0.2, 0.0), bent_px=6.0))
     cv2.imwrite(str(tmp_path / "grey.png"), np.full((480, 640, 3), 90, np.uint8))
+    (tmp_path / "empty.png").write_bytes(b"")
     cv2.imwrite(str(tmp_path / "other.png"), cv2.resize(photograph(texture, (0.2, -0.2, 0.0)), (1280, 960)))
     result = calibrate((tmp_path,), Board("9x6", SQUARE_M), tmp_path / "camera.yaml")
     reasons = {Path(item.file).stem: item.left_out for item in result.pictures}
     assert "median" in reasons["bent"]
     assert reasons["grey"] == "left out: no board found"
+    assert reasons["empty"].startswith("left out: ") and "empty.png is not a whole picture" in reasons["empty"]
     assert "1280 × 960" in reasons["other"]
     assert not any(reasons[str(index)] for index in range(len(VIEWS)))
     assert abs(result.camera.focal_px / CAMERA.focal_px - 1.0) < 0.005
@@ -133,6 +135,14 @@ def test_bad_input_ends_in_words(changes, words, tmp_path):
     with pytest.raises(DataError, match=words):
         calibrate(paths, Board(**board), out)
     assert not (tmp_path / "camera.yaml").exists()
+
+
+def test_a_broken_picture_hides_no_advice(tmp_path):
+    (tmp_path / "0.png").write_bytes(b"")
+    for number, view in enumerate(VIEWS[:2], 1):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), photograph(board_texture(False, (9, 9)), view))
+    with pytest.raises(DataError, match=r"found in .* of 2 pictures; .*shows 9x9: give --board 9x9"):
+        calibrate((tmp_path,), Board("9x6", SQUARE_M), tmp_path / "camera.yaml")
 
 
 def test_too_few_pictures(tmp_path):

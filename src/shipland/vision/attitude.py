@@ -25,6 +25,9 @@ SUFFIXES = (".csv", ".bin", ".tlog", ".ulg")
 _MOST_GAP_S = 0.5
 """Longest time between two readings over which they are interpolated, and from the last one on over which it holds."""
 
+_MOST_DEG = 180.0
+"""Largest angle that a table may give."""
+
 _CANNOT = "{path} cannot be read as {kind}: {error}"
 
 Reading = tuple[float, float, float]
@@ -145,7 +148,14 @@ def _of_table(path: Path, _body: bool) -> list[Reading]:
                     f"attitude file {path} lacks {', '.join(missing)}; expected a line of names and columns "
                     f"{', '.join(COLUMNS)}: the film's time, roll (right side down positive), pitch (upward positive)"
                 )
-            rows = [[float(row[name]) for name in COLUMNS] for row in table]
+            rows = []
+            for row in table:
+                rows.append([float(row[name]) for name in COLUMNS])
+                if any(_MOST_DEG < abs(angle_deg) < math.inf for angle_deg in rows[-1][1:]):
+                    raise DataError(
+                        f"attitude file {path}: line {table.line_num} has an angle beyond ±{_MOST_DEG:g}°; "
+                        f"expected degrees in {', '.join(COLUMNS[1:])}"
+                    )
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise DataError(_CANNOT.format(path=path, kind="a table", error=error)) from None
     except (TypeError, ValueError):

@@ -139,7 +139,7 @@ def calibrate(paths: Sequence[Path], board: Board, out: Path) -> Calibration:
         out: calibration file; the coverage picture goes beside it, as .png.
 
     Raises:
-        DataError: a picture is missing or broken, the board is described wrongly or found too rarely, the views do
+        DataError: every picture is missing or broken, the board is described wrongly or found too rarely, the views do
             not settle a camera, or the output cannot be written.
     """
     try:
@@ -148,23 +148,32 @@ def calibrate(paths: Sequence[Path], board: Board, out: Path) -> Calibration:
         raise DataError(f"calibration file {out} cannot be written: {error.strerror}") from None
     finder = _finder(board)
     found: list[tuple[str, tuple[int, int], View | None]] = []
-    for path in _pictures(paths):
-        image = read_picture(path)
-        found.append((str(path), (image.shape[1], image.shape[0]), finder(image)))
+    broken: dict[int, DataError] = {}
+    for index, path in enumerate(_pictures(paths)):
+        try:
+            image = read_picture(path)
+            found.append((str(path), (image.shape[1], image.shape[0]), finder(image)))
+        except DataError as error:
+            broken[index] = error
+            found.append((str(path), (0, 0), None))
+    read = len(found) - len(broken)
+    if not read:
+        raise broken[0]
     sizes = Counter(size for _, size, view in found if view is not None)
-    if sizes.total() < min(_LEAST_VIEWS, len(found)):
-        instead = _seen_instead([Path(file) for file, _, view in found if view is None], board.charuco)
+    if sizes.total() < min(_LEAST_VIEWS, read):
+        without = [Path(file) for index, (file, _, view) in enumerate(found) if view is None and index not in broken]
+        instead = _seen_instead(without, board.charuco)
         if instead or not sizes:
             raise DataError(
-                f"the board was found in {sizes.total() or 'none'} of {len(found)} pictures; expected {board.corners} "
+                f"the board was found in {sizes.total() or 'none'} of {read} pictures; expected {board.corners} "
                 f"inner corners ({'with' if board.charuco else 'without'} markers)"
                 f"{instead or ': count the corners where four squares meet'}"
             )
     size = sizes.most_common(1)[0][0]
-    why: dict[int, str] = {}
+    why = {index: f"left out: {error}" for index, error in broken.items()}
     for index, (_, other, view) in enumerate(found):
         if view is None:
-            why[index] = "left out: no board found"
+            why.setdefault(index, "left out: no board found")
         elif other != size:
             why[index] = f"left out: {other[0]} × {other[1]} px, most are {size[0]} × {size[1]} px"
     views = {index: view for index, (_, _, view) in enumerate(found) if view is not None and index not in why}
