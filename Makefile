@@ -72,6 +72,6 @@ docs: setup ## build the documentation into site/, a warning is an error; SERVE=
 wheel-test: setup ## build the wheel, install it into an empty environment, fly from another folder
 	$(BIN)/python tools/walks.py base
 
-clean: ## remove what was made, but for .venv and its kin
+clean: ## remove what was made, but for .venv and .venv-*
 	rm -rf out site build dist .pytest_cache .ruff_cache .mypy_cache .import_linter_cache .hypothesis
 	find src tests tools studies -name __pycache__ -type d -prune -exec rm -rf {} +
