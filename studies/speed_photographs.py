@@ -1,8 +1,8 @@
 """Time of the near vision on photographs as a link brings them, beside the peers' tags in the same ones.
 
 The photographs of the folder that SHIPLAND_PHOTOGRAPHS names are cut to the camera's shape, brought to its size, and
-coded as JPEG; the rendered bar, or a peer's board, is laid into each at a range before. One core, as in speed_near; every photograph is looked at from nothing, and followed in five
-pictures on the way in.
+coded as JPEG; the rendered bar, or a peer's board, is laid into each at a range before. One core, as in speed_near;
+every photograph is looked at from nothing, and followed in five pictures on the way in.
 """
 
 from __future__ import annotations
