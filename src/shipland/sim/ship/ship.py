@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -34,9 +32,8 @@ from shipland.sim.wind import ShipPlace
 __all__ = ["Ship", "ShipParameters", "ShipState", "Still", "StillCourse", "build_ship"]
 
 
-@dataclass(frozen=True)
-class ShipState:
-    """The ship at one instant. The poses are computed at their first use.
+class ShipState(NamedTuple):
+    """The ship at one instant.
 
     In rig mode the platform and the bar move with the course alone and only the deck has the six motions, as on the
     motion base of [Lee2022]. In full-ship mode the deck is part of the hull: the superstructure has the deck's six
@@ -48,47 +45,30 @@ class ShipState:
         rig: dimensions.
         full_ship: the superstructure and the bar have the ship's motions too.
         waves_off: the status light shines red.
+        ned_from_ship: course and position only; origin at the deck centre's neutral point, `deck_height_m` above the
+            sea plane.
+        ned_from_deck: the deck with all its motions.
+        ned_from_bar: the bar: level always.
     """
 
     course: CourseState
     deck: SixDof
     rig: Rig
     full_ship: bool
-    waves_off: bool = False
+    waves_off: bool
+    ned_from_ship: Pose
+    ned_from_deck: Pose
+    ned_from_bar: Pose
 
     @property
     def place(self) -> ShipPlace:
         """Where `ship` is."""
         return place_of(self.course.values, self.rig.deck_height_m)
 
-    @cached_property
-    def _poses(self) -> tuple[Pose, Pose, Pose]:
-        """Of ship, deck and bar."""
-        rotations, places_m, rig = np.empty((3, 3, 3)), np.empty((3, 3)), self.rig
-        motion = self.course.values, self.deck.values, rig.deck_height_m, rig.bar_in_ship_m
-        _place_ship(*motion, self.full_ship, rotations, places_m)
-        ship, deck, bar = map(Pose, rotations, places_m)
-        return ship, deck, bar
-
-    @property
-    def ned_from_ship(self) -> Pose:
-        """Course and position only; origin at the deck centre's neutral point, `deck_height_m` above the sea plane."""
-        return self._poses[0]
-
-    @property
-    def ned_from_deck(self) -> Pose:
-        """The deck with all its motions."""
-        return self._poses[1]
-
     @property
     def ned_from_hull(self) -> Pose:
         """Platform and superstructure: `ship` in rig mode, `deck` in full-ship mode."""
         return self.ned_from_deck if self.full_ship else self.ned_from_ship
-
-    @property
-    def ned_from_bar(self) -> Pose:
-        """The bar: level always."""
-        return self._poses[2]
 
 
 def place_of(course: Array, deck_height_m: float) -> ShipPlace:
@@ -170,7 +150,11 @@ class Ship:
         """The ship at time `t_s` [s]."""
         flashes = bool(self._waves_off_s) and t_s % _FLASH_S < 0.5 * _FLASH_S
         waves_off = flashes and any(begin_s <= t_s < end_s for begin_s, end_s in self._waves_off_s)
-        return ShipState(self.course.at(t_s), self.deck_motion.at(t_s), self.rig, self.full_ship, waves_off)
+        course, deck, rig = self.course.at(t_s), self.deck_motion.at(t_s), self.rig
+        rotations, places_m = np.empty((3, 3, 3)), np.empty((3, 3))
+        motion = course.values, deck.values, rig.deck_height_m, rig.bar_in_ship_m
+        _place_ship(*motion, self.full_ship, rotations, places_m)
+        return ShipState(course, deck, rig, self.full_ship, waves_off, *map(Pose, rotations, places_m))
 
 
 _FLASH_S = 0.5
