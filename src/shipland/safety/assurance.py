@@ -17,7 +17,7 @@ from shipland.guidance.response import Response
 from shipland.messages import Decision, Intent, Mode, Observation, Override, PilotCommand, Telemetry
 from shipland.rig import Rig
 from shipland.safety.cue_height import CueHeight, CueHeightParameters
-from shipland.safety.estimate import SafetyEstimate, SafetyEstimator, Vector
+from shipland.safety.estimate import Place, SafetyEstimate, SafetyEstimator, Vector
 from shipland.safety.monitor import Look, MonitorParameters, Ship, findings
 from shipland.safety.recovery import RecoveryParameters, Rung, Switch, next_switch, sticks_of
 
@@ -124,7 +124,7 @@ class Safety:
             command = sticks_of(recovery.rung, estimate, telemetry.t_s, before_rad, self._response, limits)
             mode = Mode.GO_AROUND
             notes.append(f"{'refused' if recovery.final else 'safety'}: {recovery.words}: {recovery.rung.value}")
-        self._last = command = self._limited(self._bounded(command, telemetry, notes), telemetry.t_s)
+        self._last = command = self._limited(self._bounded(command, look, notes), telemetry.t_s)
         battery = telemetry.battery_percent
         if battery is not None and battery < self._parameters.low_battery_percent:
             notes.append(f"battery at {battery:.0f} %")
@@ -173,24 +173,23 @@ class Safety:
         limits, place_m = self._parameters, self._estimate.place_at(t_s, self._parameters.contact_sight_s)
         return place_m is not None and self._estimate.deck_down_m - place_m[2] <= limits.contact_height_m
 
-    def _bounded(self, command: PilotCommand, telemetry: Telemetry, notes: list[str]) -> PilotCommand:
+    def _bounded(self, command: PilotCommand, look: Look, notes: list[str]) -> PilotCommand:
         """Inside fence, floor and clearance; a ditching that was asked for has no floor."""
         recovery = self._switch.recovery
         if recovery is not None and recovery.rung is Rung.LAND:
             return command
-        return self._bounded_place(self._bounded_height(command, telemetry, notes), telemetry.t_s, notes)
+        return self._bounded_place(self._bounded_height(command, look, notes), look, notes)
 
-    def _bounded_height(self, command: PilotCommand, telemetry: Telemetry, notes: list[str]) -> PilotCommand:
+    def _bounded_height(self, command: PilotCommand, look: Look, notes: list[str]) -> PilotCommand:
         """No climb above the fence, no descent below the floor unless over the deck to land on it."""
-        limits, estimate, t_s = self._parameters, self._estimate, telemetry.t_s
-        height_m = estimate.height_at(t_s, limits.stale_s)
-        over_deck_m = estimate.over_deck_at(t_s, limits.stale_s)
+        limits, estimate, over_deck_m = self._parameters, look.estimate, look.over_deck_m
+        height_m = estimate.height_at(look.t_s, limits.stale_s)
         if command.heave_percent > 0.0:
             if height_m is None or height_m <= limits.fence_height_m:
                 return command
             notes.append("fence: too high")
         elif command.heave_percent < 0.0:
-            if command.intent is Intent.LAND and self._over_deck(t_s):
+            if command.intent is Intent.LAND and self._over_deck(look.place_m):
                 return command
             sink_m = _LOOK_AHEAD_S * estimate.sink_mps
             if over_deck_m is not None:
@@ -205,8 +204,7 @@ class Safety:
                 notes.append("floor: height unknown")
         return replace(command, heave_percent=0.0)
 
-    def _over_deck(self, t_s: float) -> bool:
-        place_m = self._estimate.place_at(t_s, self._parameters.stale_s)
+    def _over_deck(self, place_m: Place | None) -> bool:
         if place_m is None:
             return False
         aside_m = max(
@@ -214,10 +212,9 @@ class Safety:
         )
         return aside_m <= self._half_deck_m
 
-    def _bounded_place(self, command: PilotCommand, t_s: float, notes: list[str]) -> PilotCommand:
+    def _bounded_place(self, command: PilotCommand, look: Look, notes: list[str]) -> PilotCommand:
         """No way towards a bar that is too near, none away from one that is too far."""
-        limits, estimate = self._parameters, self._estimate
-        place_m = estimate.place_at(t_s, limits.stale_s)
+        limits, estimate, place_m = self._parameters, look.estimate, look.place_m
         distance_m = estimate.bar_distance_m()
         if place_m is not None and -place_m[0] < limits.bar_clearance_m:
             forward = math.cos(estimate.yaw_rad), -math.sin(estimate.yaw_rad)

@@ -232,8 +232,8 @@ class SafetyEstimator:
         if observation.waves_off:
             records["waved_off_s"] = t_s
         pose, deck, bar, ship = observation.bar_pose, observation.deck, observation.bar_box, observation.ship_box
-        if pose is not None and all_finite(pose.position_in_bar_m) and math.isfinite(pose.yaw_rad):
-            seen = (*pose.position_in_bar_m.tolist(), pose.yaw_rad)
+        seen = () if pose is None else (*pose.position_in_bar_m.tolist(), pose.yaw_rad)
+        if seen and all(map(math.isfinite, seen)):
             _take_pose(records, self._ways, self._sights, t_s, seen, self._camera_in_body_m)
         elif deck is not None and all_finite(deck.centre_in_level_m) and not np.isnan(records["place_in_bar_m"][0, 0]):
             _take_deck(
