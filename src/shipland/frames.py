@@ -144,7 +144,7 @@ def quaternion_from_rotation(parent_from_child: Array) -> Quaternion:
 def rotated(vector: Array, angle_rad: float) -> Array:
     """A horizontal vector (2,) of axes that are turned clockwise by `angle_rad`, in those that are not."""
     x, y = vector.tolist()
-    return np.array(turned(x, y, angle_rad), dtype=float)
+    return np.array(turned(x, y, angle_rad))
 
 
 def turned(x: float, y: float, angle_rad: float) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from itertools import chain, repeat
+from itertools import chain, islice, repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -74,7 +74,7 @@ class Dryden:
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._normal = normal_numbers(rng)
-        u, *normals = (next(self._normal) for _ in range(5))
+        u, *normals = islice(self._normal, 5)
         first, second = normals[::2], normals[1::2]  # stationary: variances ¼ and ½, covariance ¼
         self._state: Array = np.array(
             [u, *(x for a, b in zip(first, second, strict=True) for x in (0.5 * a, 0.5 * a + 0.5 * b))]
@@ -84,9 +84,7 @@ class Dryden:
     def step(self, distance_m: float, scales: Scales) -> tuple[float, float, float]:
         """Turbulence [m/s] along the wind, to its right, and downward, `distance_m` on through the air mass."""
         horizontal, vertical = distance_m / scales.length_horizontal_m, distance_m / scales.length_vertical_m
-        normal = self._normal
-        normals = next(normal), next(normal), next(normal), next(normal), next(normal)
-        return _turbulence(self._state, horizontal, vertical, normals, scales.deviations_mps)
+        return _turbulence(self._state, horizontal, vertical, tuple(islice(self._normal, 5)), scales.deviations_mps)
 
 
 @compiled
@@ -94,7 +92,7 @@ def _turbulence(
     state: Array,
     horizontal: float,
     vertical: float,
-    normals: tuple[float, float, float, float, float],
+    normals: tuple[float, ...],
     deviations_mps: tuple[float, float, float],
 ) -> tuple[float, float, float]:
     """Advance the filters by scale lengths; their outputs."""

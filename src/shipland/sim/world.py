@@ -216,10 +216,8 @@ class World:
     def command(self, command: PilotCommand) -> None:
         """Take the sticks from now on; values beyond ±100 % are clipped, those that are no numbers or hold are zero."""
         step = self._aircraft.settings.stick_step_percent
-        percents = (command.pitch_percent, command.roll_percent, command.heave_percent, command.yaw_percent)
-        if command.intent is Intent.HOLD:
-            percents = (0.0, 0.0, 0.0, 0.0)
-        self._sticks = Sticks(*(_stick(percent, step) for percent in percents))
+        held = command.intent is Intent.HOLD
+        self._sticks = CENTRED if held else Sticks(*(_stick(percent, step) for percent in command.sticks_percent))
         self._land = command.intent is Intent.LAND
         if math.isfinite(command.gimbal_pitch_rad):
             self._record.values[_GIMBAL_WANTED] = command.gimbal_pitch_rad
