@@ -240,6 +240,18 @@ class Holder:
     inner: Sized = key(Sized(reach_m=3.0))
 
 
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        ({"wind": {5: 3.0}}, r"a key of \{'wind': \{5: 3\.0\}\} is no text; expected names"),
+        ({"vision": None}, "configuration.vision: expected a table, got None"),
+    ],
+)
+def test_overrides_of_a_wrong_type_are_one_clear_error(overrides, words):
+    with pytest.raises(ConfigError, match=words):
+        load_scenario("near", **overrides)
+
+
 class TestScale:
     def test_froude(self):
         want = {"reach_m": 8.0, "pace_mps": 2.0, "turn_rad_s": 0.25, "brake_mps2": 0.4, "weight": 4.0}

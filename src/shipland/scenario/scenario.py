@@ -277,5 +277,9 @@ def load_scenario(source: str | Path | Mapping[str, Any], /, **overrides: Any) -
         ConfigError: it names what is wrong.
     """
     table = source if isinstance(source, Mapping) else scenario_table(source)
-    table = merge({"name": "own"} | dict(table), nested(overrides))
+    try:
+        changes = nested(overrides)
+    except AttributeError:
+        raise ConfigError(f"a key of {overrides} is no text; expected names, as wind={{'mean_mps': 5.0}}") from None
+    table = merge({"name": "own"} | dict(table), changes)
     return build(Scenario, merge(usual(table), table), "configuration")
