@@ -337,12 +337,25 @@ def _write(
         "commit": code_version(),
         "source": source,
         "machine": f"{platform.system()} {platform.machine()}",
+        "drawn_by": _renderer() if "src/shipland/sim/scene/gl.py" in source["modules"].split() else None,
         "interpreter": f"{platform.python_implementation()} {platform.python_version()}",
         "confidence": 0.95,
         "runs": runs,
         "rows": rows,
     }
     _dump(path, table)
+
+
+@cache
+def _renderer() -> str:
+    """What draws here, a GPU or Mesa's llvmpipe: pictures differ by it in their last digits."""
+    from shipland.sim.scene.gl import open_context
+
+    context = open_context()
+    try:
+        return str(context.info["GL_RENDERER"])
+    finally:
+        context.release()
 
 
 def _dump(path: Path, table: Mapping[str, Any]) -> None:
