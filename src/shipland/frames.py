@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -33,7 +34,8 @@ import numpy.typing as npt
 GRAVITY_MPS2 = 9.81
 """Standard gravity, down in `ned`, for the whole package."""
 
-Array = npt.NDArray[np.float64]
+Array = np.ndarray[tuple[Any, ...], np.dtype[np.float64]]
+"""Not `NDArray[np.float64]`: from NumPy 2.5 on that is an alias, no type that a value could be checked against."""
 
 Rows = tuple[float, float, float, float, float, float, float, float, float]
 """A rotation (3,3), row by row."""

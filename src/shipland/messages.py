@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -49,7 +50,7 @@ class Frame:
     """
 
     t_s: float
-    image: npt.NDArray[np.uint8] | None
+    image: np.ndarray[tuple[Any, ...], np.dtype[np.uint8]] | None
     gimbal: GimbalAttitude
     height_m: float | None = None
     stamp_s: float | None = None

@@ -110,11 +110,8 @@ def _cached_parts(cls: Any, prefix: str) -> tuple[_Part, ...]:  # noqa: ANN401
 
 
 def _resolved(hint: Any) -> Any:  # noqa: ANN401 - annotations of any form
-    """What an alias stands for: from NumPy 2.5 on Python 3.12, `NDArray` is one; a choice of words is a text."""
-    alias = typing.get_origin(hint)
-    if alias is typing.Literal:
-        return str
-    return alias.__value__[typing.get_args(hint)] if hasattr(alias, "__value__") else hint
+    """A choice of words is a text."""
+    return str if typing.get_origin(hint) is typing.Literal else hint
 
 
 def _is_picture(hint: Any) -> bool:  # noqa: ANN401 - annotations of any form
