@@ -26,7 +26,7 @@ from shipland.messages import (
 from shipland.rig import Rig
 from shipland.safety.assurance import Safety, SafetyParameters
 from shipland.safety.estimate import SafetyEstimate, SafetyEstimator
-from shipland.safety.monitor import Action, stopping_distance_m
+from shipland.safety.monitor import Action, Finding, stopping_distance_m
 from shipland.safety.recovery import Recovery, Rung, Switch, next_switch, sticks_of
 
 PARAMETERS = SafetyParameters()
@@ -298,7 +298,7 @@ def test_a_go_around_ends_high_and_astern_and_hands_the_aircraft_back(response):
 def test_a_return_on_which_nothing_tells_the_way_does_not_fly_on_for_ever():
     flight = Flight(over_deck(3.0, -4.0), response=SPEEDS, tell=lambda it: replace(it, velocity_in_level_mps=None))
     flight.fly(2.0, {})
-    flight.safety._switch = Switch(Recovery(Rung.RETURN, flight.t_s, "the wind", final=True))
+    flight.safety._switch = Switch(Recovery(Rung.RETURN, flight.t_s, "the wind", calm_s=math.inf))
     flight.seen = False
     flight.fly(60.0, {})
     assert -flight.place_m[0] < RECOVERY.return_m + 2.0
@@ -423,8 +423,25 @@ def test_the_ladder_is_climbed_one_way_and_ends(rung, tries, calm):
         assert after.recovery is None
     else:
         assert after.recovery.rung is ladder[ladder.index(rung) + 1]
-    final = Switch(Recovery(rung, 0.0, "why", final=True), tries)
+    final = Switch(Recovery(rung, 0.0, "why", calm_s=math.inf), tries)
     assert next_switch(final, look, [], RECOVERY).recovery == final.recovery
+
+
+@pytest.mark.parametrize("tries", [0, RECOVERY.tries, RECOVERY.tries + 1])
+def test_a_refusal_ends_when_what_it_was_for_stays_away_and_counts_as_a_try(tries):
+    flight = Flight(over_deck(5.0, -6.0)).fly(1.0, {})
+    telemetry = Telemetry(flight.t_s, 0.0, 0.0, 0.0, 5.0, np.zeros(3), 80.0, 90.0, True)
+    look = flight.safety._look(PilotCommand.hold(flight.t_s, 0.0), telemetry)
+    wind = [Finding(Action.REFUSE, "the wind")]
+    refused = next_switch(Switch(tries=tries), look, wind, RECOVERY)
+    assert refused.recovery.rung is RECOVERY.ladder[-1]
+    assert next_switch(refused, look._replace(t_s=look.t_s + 0.9 * RECOVERY.refused_s), [], RECOVERY) == refused
+    later = look._replace(t_s=look.t_s + 1.1 * RECOVERY.refused_s)
+    assert next_switch(refused, later, wind, RECOVERY).recovery == refused.recovery
+    after = next_switch(refused, later, [], RECOVERY)
+    assert after == (replace(refused, recovery=None, tries=tries + 1) if tries <= RECOVERY.tries else refused)
+    ditching = next_switch(Switch(), look, wind, replace(RECOVERY, ladder=(Rung.LAND,)))
+    assert next_switch(ditching, later._replace(t_s=look.t_s + 1e6), [], RECOVERY) == ditching
 
 
 def test_stopping_distance_by_hand():

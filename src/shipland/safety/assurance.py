@@ -123,7 +123,7 @@ class Safety:
             before_rad = command.gimbal_pitch_rad
             command = sticks_of(recovery.rung, estimate, telemetry.t_s, before_rad, self._response, limits)
             mode = Mode.GO_AROUND
-            notes.append(f"{'refused' if recovery.final else 'safety'}: {recovery.words}: {recovery.rung.value}")
+            notes.append(f"{'refused' if recovery.refuses else 'safety'}: {recovery.words}: {recovery.rung.value}")
         self._last = command = self._limited(self._bounded(command, look, notes), telemetry.t_s)
         battery = telemetry.battery_percent
         if battery is not None and battery < self._parameters.low_battery_percent:

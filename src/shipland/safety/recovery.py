@@ -61,6 +61,9 @@ class RecoveryParameters:
     clear_back_m: float = scaled(3.0, "see there", ge=0.5, le=500)
     most_s: float = scaled(12.0, "a go-around that is not clear by then ends all the same", ge=1, le=120)
     hold_s: float = key(10.0, "how long the ladder waits on `hold`", ge=1, le=600)
+    refused_s: float = key(
+        20.0, "the pilot may try again when what it was refused for was not found for so long", ge=2, le=600
+    )
     return_m: float = scaled(20.0, "from the bar, where a return ends", ge=1, le=5000)
     velocity_per_s: float = key(1.0, "from an error of velocity to the acceleration that is asked for", ge=0.1, le=5)
     blind_s: float = key(
@@ -80,13 +83,18 @@ class Recovery:
         rung: of the ladder.
         since_s: when it began.
         words: why.
-        final: no landing is tried again.
+        calm_s: the pilot may fly again when nothing was found for so long; infinite at the ladder's end.
     """
 
     rung: Rung
     since_s: float
     words: str
-    final: bool = False
+    calm_s: float = 1.0
+
+    @property
+    def refuses(self) -> bool:
+        """Whether it is flown for more than one landing that was broken off."""
+        return self.calm_s > Recovery.calm_s
 
 
 def is_clear(estimate: SafetyEstimate, t_s: float, deck_in_bar_m: Array, parameters: RecoveryParameters) -> bool:
@@ -181,8 +189,6 @@ _TOWARDS_MPS, _TOWARDS = 0.2, 4.0
 """A speed towards the bar beyond the first, as under a ship that backs up, is braked with so many times the gain."""
 
 
-_CALM_S = 1.0
-"""What was found has passed when it was not found for so long."""
 _BRAKED = 3.0
 """Braked, it would stop so many times as far from the bar as it must."""
 
@@ -220,7 +226,7 @@ def next_switch(before: Switch, look: Look, found: Sequence[Finding], parameters
     gravest = found[0]
     committed = look.landing and look.over_deck_m is not None and look.over_deck_m < look.limits.commit_m
     if gravest.action is Action.REFUSE and not committed:
-        return replace(before, recovery=_last(gravest.words, look.t_s, parameters))
+        return replace(before, recovery=_refusal(gravest.words, look.t_s, parameters))
     if gravest.action is Action.BRAKE:
         return replace(before, recovery=Recovery(Rung.BRAKE, look.t_s, gravest.words))
     breaks_off = gravest.action is Action.NO_GO and look.landing and not committed
@@ -234,11 +240,12 @@ def _recovering(
     before: Switch, recovery: Recovery, look: Look, found: Sequence[Finding], parameters: RecoveryParameters
 ) -> Switch:
     refused = next((finding for finding in found if finding.action is Action.REFUSE), None)
-    if refused is not None and not recovery.final:
-        return replace(before, recovery=_last(refused.words, look.t_s, parameters))
-    lasted_s, calm = look.t_s - recovery.since_s, look.t_s - before.found_s >= _CALM_S
-    if recovery.final:
-        return before
+    if refused is not None and not recovery.refuses:
+        return replace(before, recovery=_refusal(refused.words, look.t_s, parameters))
+    lasted_s, calm = look.t_s - recovery.since_s, look.t_s - before.found_s >= recovery.calm_s
+    if recovery.refuses:
+        again = calm and recovery.calm_s < math.inf and before.tries <= parameters.tries
+        return replace(before, recovery=None, tries=before.tries + 1) if again else before
     if recovery.rung is Rung.BRAKE:
         braked = room_to_bar_m(look) > _BRAKED * look.limits.least_to_bar_m
         return replace(before, recovery=None) if braked or lasted_s > parameters.most_s else before
@@ -262,10 +269,11 @@ def _after(recovery: Recovery, now_s: float, parameters: RecoveryParameters) -> 
     ladder = parameters.ladder
     index = ladder.index(recovery.rung) + 1 if recovery.rung in ladder else len(ladder)
     if index >= len(ladder):
-        return replace(recovery, final=True)
-    return Recovery(ladder[index], now_s, recovery.words, final=index == len(ladder) - 1)
+        return replace(recovery, calm_s=math.inf)
+    return Recovery(ladder[index], now_s, recovery.words, math.inf if index == len(ladder) - 1 else Recovery.calm_s)
 
 
-def _last(words: str, now_s: float, parameters: RecoveryParameters) -> Recovery:
-    """The ladder's end, at once."""
-    return Recovery(parameters.ladder[-1], now_s, words, final=True)
+def _refusal(words: str, now_s: float, parameters: RecoveryParameters) -> Recovery:
+    """The ladder's last step at once, until what was found has passed; a ditching is for good."""
+    rung = parameters.ladder[-1]
+    return Recovery(rung, now_s, words, math.inf if rung is Rung.LAND else parameters.refused_s)
