@@ -27,7 +27,7 @@ from shipland.rig import Rig
 from shipland.safety.assurance import Safety, SafetyParameters
 from shipland.safety.estimate import SafetyEstimate, SafetyEstimator
 from shipland.safety.monitor import Action, Finding, stopping_distance_m
-from shipland.safety.recovery import Recovery, Rung, Switch, next_switch, sticks_of
+from shipland.safety.recovery import REFUSED_S, Recovery, Rung, Switch, next_switch, sticks_of
 
 PARAMETERS = SafetyParameters()
 TABLE = plain(PARAMETERS)
@@ -435,8 +435,8 @@ def test_a_refusal_ends_when_what_it_was_for_stays_away_and_counts_as_a_try(trie
     wind = [Finding(Action.REFUSE, "the wind")]
     refused = next_switch(Switch(tries=tries), look, wind, RECOVERY)
     assert refused.recovery.rung is RECOVERY.ladder[-1]
-    assert next_switch(refused, look._replace(t_s=look.t_s + 0.9 * RECOVERY.refused_s), [], RECOVERY) == refused
-    later = look._replace(t_s=look.t_s + 1.1 * RECOVERY.refused_s)
+    assert next_switch(refused, look._replace(t_s=look.t_s + 0.9 * REFUSED_S), [], RECOVERY) == refused
+    later = look._replace(t_s=look.t_s + 1.1 * REFUSED_S)
     assert next_switch(refused, later, wind, RECOVERY).recovery == refused.recovery
     after = next_switch(refused, later, [], RECOVERY)
     assert after == (replace(refused, recovery=None, tries=tries + 1) if tries <= RECOVERY.tries else refused)

@@ -61,9 +61,6 @@ class RecoveryParameters:
     clear_back_m: float = scaled(3.0, "see there", ge=0.5, le=500)
     most_s: float = scaled(12.0, "a go-around that is not clear by then ends all the same", ge=1, le=120)
     hold_s: float = key(10.0, "how long the ladder waits on `hold`", ge=1, le=600)
-    refused_s: float = key(
-        20.0, "the pilot may try again when what it was refused for was not found for so long", ge=2, le=600
-    )
     return_m: float = scaled(20.0, "from the bar, where a return ends", ge=1, le=5000)
     velocity_per_s: float = key(1.0, "from an error of velocity to the acceleration that is asked for", ge=0.1, le=5)
     blind_s: float = key(
@@ -189,6 +186,8 @@ _TOWARDS_MPS, _TOWARDS = 0.2, 4.0
 """A speed towards the bar beyond the first, as under a ship that backs up, is braked with so many times the gain."""
 
 
+REFUSED_S = 20.0
+"""After a refusal the pilot may try again when what it was for has not been found for so long."""
 _BRAKED = 3.0
 """Braked, it would stop so many times as far from the bar as it must."""
 
@@ -276,4 +275,4 @@ def _after(recovery: Recovery, now_s: float, parameters: RecoveryParameters) -> 
 def _refusal(words: str, now_s: float, parameters: RecoveryParameters) -> Recovery:
     """The ladder's last step at once, until what was found has passed; a ditching is for good."""
     rung = parameters.ladder[-1]
-    return Recovery(rung, now_s, words, math.inf if rung is Rung.LAND else parameters.refused_s)
+    return Recovery(rung, now_s, words, math.inf if rung is Rung.LAND else REFUSED_S)
