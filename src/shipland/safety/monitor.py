@@ -31,7 +31,7 @@ class Action(enum.IntEnum):
     GO_AROUND = 3
     """A landing is broken off at any height."""
     REFUSE = 4
-    """Away from the ship, and no other try."""
+    """Away from the ship, and another try only when this has not been found for `recovery.REFUSED_S`."""
 
 
 @dataclass(frozen=True)
