@@ -90,7 +90,7 @@ class Recovery:
 
     @property
     def refuses(self) -> bool:
-        """Whether it is flown for more than one landing that was broken off."""
+        """Whether the pilot is kept off for longer than after one landing that was broken off."""
         return self.calm_s > Recovery.calm_s
 
 
