@@ -115,7 +115,9 @@ class Node:
             from cyclonedds.core import DDSException, Policy, Qos, WaitSet
             from cyclonedds.domain import DomainParticipant
         except ImportError:
-            raise VehicleError("ros2:// needs rosbags and cyclonedds: pip install 'shipland[ros2]'") from None
+            raise VehicleError(
+                "ros2:// needs cyclonedds, which is there for Python 3.11 to 3.13: pip install 'shipland[ros2]'"
+            ) from None
         try:
             _domain(domain, settings(local))
             self._participant: DomainParticipant = DomainParticipant(domain, qos=Qos(Policy.Userdata(b"enclave=/;")))

@@ -45,7 +45,7 @@ def store() -> Typestore:
     try:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
-        raise VehicleError("ros2:// needs rosbags and cyclonedds: pip install 'shipland[ros2]'") from None
+        raise VehicleError("ROS 2 messages need rosbags: pip install 'shipland[ros2]'") from None
     made = get_typestore(Stores.ROS2_JAZZY)
     for name, text in _OWN.items():
         made.register(get_types_from_msg(text, name))
