@@ -27,11 +27,12 @@ can_make_environments() {
     "$python" -c 'import ensurepip, venv' >/dev/null 2>&1
 }
 
-# The first Python ≥ 3.11 on the path, newest named one first; one that can make environments goes before one that cannot.
+# The first Python ≥ 3.11 on the path, the newest for which every package has a wheel before others; one that can make
+# environments goes before one that cannot.
 python=''
 find_python() {
     local name candidate fallback=''
-    for name in python3.13 python3.12 python3.11 python3; do
+    for name in python3.13 python3.12 python3.11 python3.14 python3; do
         while IFS= read -r candidate; do
             "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 || continue
             python=$candidate
