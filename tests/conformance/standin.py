@@ -2,7 +2,8 @@
 
 It knows nothing of shipland. It keeps to what real ones were seen to do: ArduPilot drops SET_ATTITUDE_TARGET whose
 rates are partly ignored, takes thrust 0.5 as holding the height, obeys set-points in GUIDED only, holds when they stop,
-and refuses a plain disarm while the deck moves; PX4 gives OFFBOARD only after set-points and leaves it without them.
+and refuses a plain disarm while the deck moves; PX4 gives OFFBOARD only after set-points, leaves it without them, and
+says a heartbeat a second whatever rate it is asked for, and one whenever one is requested.
 
 Words on standard input: `mode N`, `sticks ROLL PITCH THROTTLE YAW` (pulse widths; the rest stay, and none is no
 receiver), `silent S`, `mute S` (it hears and obeys, and says nothing), `lag S` (what it says comes so late), `set NAME
@@ -139,8 +140,12 @@ class Autopilot:
             return
         elif it.command == 176:
             result = self.change_mode(int(it.param2), int(it.param3))
+        elif it.command == 511 and it.param1 == 0.0 and self.px4:
+            result = 4
         elif it.command == 511 and it.param1 == 0.0:
             self.heartbeat_every = max(1, round(it.param2 * 1e-6 / STEP_S))
+        elif it.command == 512 and it.param1 == 0.0:
+            self.tell_heartbeat()
         elif it.command == 22:
             self.target, self.target_s = ("up", [it.param7]), time.monotonic() + 1e6
         self.send(m.MAVLink_command_ack_message(it.command, result))
@@ -241,9 +246,7 @@ class Autopilot:
         boot_ms = int((time.monotonic() - self.booted_s) * 1000)
         north, east, up = self.velocity
         if turn % self.heartbeat_every == 0:
-            kind = m.MAV_AUTOPILOT_PX4 if self.px4 else m.MAV_AUTOPILOT_ARDUPILOTMEGA
-            base = (128 if self.armed else 0) | 1
-            self.send(m.MAVLink_heartbeat_message(m.MAV_TYPE_QUADROTOR, kind, base, self.mode, 4, 3))
+            self.tell_heartbeat()
         if turn % 100 == 0:
             self.send(m.MAVLink_battery_status_message(0, 0, 0, 300, [65535] * 10, 0, 0, 0, 87))
         if turn % 4 == 0:
@@ -258,6 +261,11 @@ class Autopilot:
             self.send(m.MAVLink_rc_channels_message(boot_ms, 8 if self.sticks_us else 0, *sticks, 255))
             healthy = 0x7FFFFFFE if self.sick else 0x7FFFFFFF
             self.send(m.MAVLink_sys_status_message(0xFFFF, 0xFFFF, healthy, 0, 12000, 0, 87, 0, 0, 0, 0, 0, 0))
+
+    def tell_heartbeat(self) -> None:
+        kind = m.MAV_AUTOPILOT_PX4 if self.px4 else m.MAV_AUTOPILOT_ARDUPILOTMEGA
+        base = (128 if self.armed else 0) | 1
+        self.send(m.MAVLink_heartbeat_message(m.MAV_TYPE_QUADROTOR, kind, base, self.mode, 4, 3))
 
     def report(self) -> dict[str, Any]:
         return {

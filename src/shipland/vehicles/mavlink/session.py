@@ -32,7 +32,7 @@ _STREAMS_HZ = {
     "BATTERY_STATUS": 1, "RC_CHANNELS": 10, "DISTANCE_SENSOR": 20, "GIMBAL_DEVICE_ATTITUDE_STATUS": 30, "SYS_STATUS": 2,
     "EKF_STATUS_REPORT": 2, "ESTIMATOR_STATUS": 2, "EXTENDED_SYS_STATE": 5,
 }  # fmt: skip
-"""Requested messages and their rates [Hz]; a change of mode is seen at the next heartbeat."""
+"""Requested messages and their rates [Hz]; a change of mode is seen at the next heartbeat, whose rate a PX4 keeps."""
 _STREAM_ANSWER_S = 1.5
 """Timeout of the answer to each of these requests, which are sent twice within it."""
 _HOLD_ANSWER_S, _HOLD_AGAIN_S = 1.5, 0.8
@@ -283,6 +283,10 @@ class Session:
     def beat(self) -> None:
         """Our heartbeat."""
         self.link.send(_heartbeat())
+
+    def ask_heartbeat(self) -> None:
+        """A request for the vehicle's heartbeat, which shows its mode."""
+        self.command(dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAVLINK_MSG_ID_HEARTBEAT)
 
     def ask_time(self) -> None:
         """The question for the round trip, whose answer shows how old what comes may be."""
