@@ -256,6 +256,18 @@ def test_a_pilot_at_the_sticks_gets_a_mode_that_obeys_them_though_requests_are_l
         assert vehicle.in_command == "the pilot (LOITER)" or vehicle.in_command.startswith("nobody: the pilot moved")
 
 
+def test_where_the_throttle_stick_belongs_is_said_in_the_air_and_on_the_ground() -> None:
+    """An ArduPilot refuses to arm with it in the middle."""
+    with bench() as (vehicle, autopilot, _):
+        vehicle.connect()
+        words = lambda: {check.name: check.words for check in vehicle.checks()}["transmitter"]  # noqa: E731
+        assert until(lambda: words() == "heard, throttle stick at 1500 µs")
+        autopilot.say("sticks 1500 1500 1000 1500")
+        assert until(lambda: "put it in the middle, or taking over" in words())
+        assert vehicle.session.command(400, 0, 21196)
+        assert until(lambda: "arms with it at the bottom only" in words())
+
+
 def test_without_a_transmitter_it_is_said_before_take_off(caplog: pytest.LogCaptureFixture) -> None:
     with bench() as (vehicle, autopilot, _):
         autopilot.say("sticks")

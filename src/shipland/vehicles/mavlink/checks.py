@@ -124,8 +124,11 @@ def _transmitter(state: AutopilotState, now_s: float) -> Check:
     """A flight without a transmitter is the user's to choose; one whose receiver has lost it is not."""
     if transmitter_heard(state, now_s):
         throttle_us = state.sticks_us[2]
-        centred = _THROTTLE_US[0] <= throttle_us <= _THROTTLE_US[1]
-        advice = "" if centred else ": put it in the middle, or taking over by stick begins with a climb or a descent"
+        advice = ""
+        if not state.armed:
+            advice = ": an ArduPilot arms with it at the bottom only; to take over by stick, put it in the middle"
+        elif not _THROTTLE_US[0] <= throttle_us <= _THROTTLE_US[1]:
+            advice = ": put it in the middle, or taking over by stick begins with a climb or a descent"
         return Check("transmitter", True, f"heard, throttle stick at {throttle_us} µs{advice}")
     if state.alerts.get("receiver", (now_s, ""))[1]:
         return Check("transmitter", False, "the receiver is in failsafe: it hears no transmitter; switch that on")
