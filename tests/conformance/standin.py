@@ -3,13 +3,14 @@
 It knows nothing of shipland. It keeps to what real ones were seen to do: ArduPilot drops SET_ATTITUDE_TARGET whose
 rates are partly ignored, takes thrust 0.5 as holding the height, obeys set-points in GUIDED only, holds when they stop,
 and refuses a plain disarm while the deck moves; PX4 gives OFFBOARD only after set-points, leaves it without them, and
-says a heartbeat a second whatever rate it is asked for, and one whenever one is requested.
+says a heartbeat a second whatever rate it is asked for, and one whenever one is requested; where it is to wait for
+sticks without set-points, and obeys none (COM_RC_IN_MODE = 4), it flies the last one on.
 
 Words on standard input: `mode N`, `sticks ROLL PITCH THROTTLE YAW` (pulse widths; the rest stay, and none is no
 receiver), `silent S`, `mute S` (it hears and obeys, and says nothing), `lag S` (what it says comes so late), `set NAME
 VALUE` (of a parameter), `reboot`, `deck` (a moving deck just below), `updraft` (it sinks evenly at 0.59 of the hover
-throttle), `lose NAME` (no answer for that parameter), `deaf N` (the next N requests for a mode are lost), `deny MODE`
-(requests for it are denied), `withhold NAME` (messages that it does not send), `refuse NUMBER` (commands that it
+throttle), `lose NAME` (no answer for that parameter), `deaf N` (the next N requests for a mode are lost), `deny MODE …`
+(requests for them are denied), `withhold NAME` (messages that it does not send), `refuse NUMBER` (commands that it
 denies), `miss NUMBER` (the next such command is lost), `sick` (an unhealthy gyroscope), `well`, `report`. `report`
 answers a line of JSON on standard output.
 """
@@ -187,9 +188,10 @@ class Autopilot:
         now_s = time.monotonic()
         kind, values = self.target
         age_s = now_s - self.target_s
-        if self.px4 and self.mode == OFFBOARD and 1.8 < age_s < 1e5 and math.isfinite(age_s):
+        deaf = self.px4 and PX4_PARAMETERS["COM_OBL_RC_ACT"] < 2.0 and PX4_PARAMETERS.get("COM_RC_IN_MODE") == 4.0
+        if self.px4 and self.mode == OFFBOARD and 1.8 < age_s < 1e5 and math.isfinite(age_s) and not deaf:
             self.mode = 3 << 16
-        if age_s > (1.0 if self.px4 else 3.0):
+        if age_s > (1.0 if self.px4 else 3.0) and not deaf:
             kind, values = "hold", []
         tilt, wanted, turn = [0.0, 0.0], [0.0, 0.0, 0.0], 0.0
         c, s = math.cos(self.yaw), math.sin(self.yaw)
@@ -301,7 +303,7 @@ class Autopilot:
         elif words[0] == "lose":
             self.unanswered.add(words[1])
         elif words[0] == "deny":
-            self.denied = {int(words[1])}
+            self.denied = {int(word) for word in words[1:]}
         elif words[0] in ("refuse", "miss"):
             (self.refused if words[0] == "refuse" else self.missed).add(int(words[1]))
         elif words[0] == "withhold":

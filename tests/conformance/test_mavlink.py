@@ -256,6 +256,18 @@ def test_a_pilot_at_the_sticks_gets_a_mode_that_obeys_them_though_requests_are_l
         assert vehicle.in_command == "the pilot (LOITER)" or vehicle.in_command.startswith("nobody: the pilot moved")
 
 
+def test_a_vehicle_that_obeys_no_sticks_holds_when_they_are_moved() -> None:
+    """A PX4 with COM_RC_IN_MODE = 4 tells of its transmitter and refuses every mode that obeys it."""
+    with bench("px4") as (vehicle, autopilot, _):
+        autopilot.say("set COM_RC_IN_MODE 4")
+        autopilot.say("deny 2 3")
+        vehicle.open()
+        assert fly(vehicle, 0.3, 10.0, 0.0, 0.0, 0.0)
+        autopilot.say("sticks 1500 1700")
+        assert not fly(vehicle, 3.0, 10.0, 0.0, 0.0, 0.0)
+        assert until(lambda: autopilot.report()["mode"] == HOLDS["px4"])
+
+
 def test_where_the_throttle_stick_belongs_is_said_in_the_air_and_on_the_ground() -> None:
     """An ArduPilot refuses to arm with it in the middle."""
     with bench() as (vehicle, autopilot, _):
@@ -346,6 +358,18 @@ def test_what_a_px4_does_without_set_points_is_not_assumed() -> None:
         line = {check.name: check for check in vehicle.checks()}["own hold"]
         assert not line.ok
         assert "COM_OBL_RC_ACT" in line.words
+
+
+@pytest.mark.parametrize(("sticks", "mode"), [("sticks", 3), ("", 4)])
+def test_a_px4_that_waits_for_sticks_without_set_points_is_no_start_without_them(sticks: str, mode: int) -> None:
+    """Its failsafe is none then: it flies the last set-point on."""
+    with bench("px4") as (vehicle, autopilot, _):
+        autopilot.say(f"set COM_RC_IN_MODE {mode}")
+        autopilot.say(sticks)
+        vehicle.connect()
+        line = lambda name: {check.name: check for check in vehicle.checks()}[name]  # noqa: E731
+        assert until(lambda: "WARNING" in line("transmitter").words)
+        assert (line("own hold").ok, "set COM_OBL_RC_ACT to 5" in line("own hold").words) == (False, True)
 
 
 def test_a_check_fails_for_what_has_stopped() -> None:

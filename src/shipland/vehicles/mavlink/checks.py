@@ -43,7 +43,7 @@ def link_checks(
         ),
         *_others(session, setup),
         _health(state, now_s),
-        _transmitter(state, now_s),
+        _transmitter(state, limits, now_s),
         telemetry_check(rate_hz(t_s for t_s, _, _ in session.attitudes), wanted.telemetry_hz, "attitude "),
         _messages(session),
         Check(
@@ -64,9 +64,7 @@ def link_checks(
             "our own touchdown detection stops them, by force if need be" if setup.parameters.force_disarm
             else "stopped by a plain disarm only (force_disarm = false)",
         ),
-        Check(
-            "own hold", limits.hold_after_s <= _LONGEST_OWN_HOLD_S and not limits.hold_problem, _own_hold_words(limits)
-        ),
+        _own_hold(limits, transmitter_heard(state, now_s) and limits.obeys_sticks),
     ]  # fmt: skip
     if setup.fixed_pitch_rad is None and not setup.brings_gimbal:
         lines.append(gimbal_check(state))
@@ -120,8 +118,11 @@ def _health(state: AutopilotState, now_s: float) -> Check:
     return Check("health", not (alerts and state.armed), words if state.armed else f"{words}; it is not armed")
 
 
-def _transmitter(state: AutopilotState, now_s: float) -> Check:
+def _transmitter(state: AutopilotState, limits: VehicleLimits, now_s: float) -> Check:
     """A flight without a transmitter is the user's to choose; one whose receiver has lost it is not."""
+    if transmitter_heard(state, now_s) and not limits.obeys_sticks:
+        words = "WARNING: heard, but the vehicle does not obey it (COM_RC_IN_MODE): a moved stick ends in a hold"
+        return Check("transmitter", True, words)
     if transmitter_heard(state, now_s):
         throttle_us = state.sticks_us[2]
         advice = ""
@@ -158,8 +159,14 @@ def _age_words(stream: CameraStream, setup: MavlinkSetup) -> str:
     )
 
 
-def _own_hold_words(limits: VehicleLimits) -> str:
+def _own_hold(limits: VehicleLimits, with_sticks: bool) -> Check:
+    """What it does without set-points; `with_sticks`: there is a transmitter that it obeys."""
     if math.isnan(limits.hold_after_s):
-        return "it does not tell GUID_TIMEOUT (ArduPilot) or COM_OF_LOSS_T (PX4): when it holds by itself is unknown"
+        words = "it does not tell GUID_TIMEOUT (ArduPilot) or COM_OF_LOSS_T (PX4): when it holds by itself is unknown"
+        return Check("own hold", False, words)
+    problem = limits.hold_problem
+    if limits.hold_by_sticks and not with_sticks:
+        problem = "it waits for a transmitter's sticks then, and obeys none: set COM_OBL_RC_ACT to 5 (hold)"
     words = f"{limits.hold_after_s:g} s after the last set-point, at most {_LONGEST_OWN_HOLD_S:g}"
-    return "; ".join(filter(None, (words, limits.hold_problem)))
+    soon = limits.hold_after_s <= _LONGEST_OWN_HOLD_S
+    return Check("own hold", soon and not problem, "; ".join(filter(None, (words, problem))))
