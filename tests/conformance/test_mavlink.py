@@ -372,6 +372,15 @@ def test_a_px4_that_waits_for_sticks_without_set_points_is_no_start_without_them
         assert (line("own hold").ok, "set COM_OBL_RC_ACT to 5" in line("own hold").words) == (False, True)
 
 
+def test_a_fence_without_a_size_is_not_called_on() -> None:
+    """A PX4 as delivered has an action, and nothing that it is for."""
+    with bench("px4") as (vehicle, autopilot, _):
+        autopilot.say("set GF_MAX_HOR_DIST 0")
+        vehicle.connect()
+        line = {check.name: check for check in vehicle.checks()}["geofence"]
+        assert (line.ok, "WARNING" in line.words) == (True, True)
+
+
 def test_a_check_fails_for_what_has_stopped() -> None:
     with bench() as (vehicle, autopilot, camera):
         vehicle.connect()

@@ -53,7 +53,7 @@ def link_checks(
         _pictures(stream, setup, now_s),
         Check("picture's age", stream.age_s <= wanted.picture_age_s, _age_words(stream, setup)),
         Check("limits", True, limits_text(response)),
-        Check("geofence", not limits.fence_problem, limits.fence_problem or "on"),
+        Check("geofence", not limits.fence_problem, limits.fence_problem or _fence_words(limits)),
         battery_check(battery_at(state, now_s), wanted.battery_percent),
         Check(
             "signing", True,
@@ -145,6 +145,13 @@ def _pictures(stream: CameraStream, setup: MavlinkSetup, now_s: float) -> Check:
     silent_s = math.inf if newest is None else now_s - newest.arrived_s
     words = f"{stream.rate_hz:.1f} Hz, at least {least_hz:g}; the newest came {silent_s:.1f} s ago"
     return Check("pictures", stream.rate_hz >= least_hz and silent_s <= 5.0 / least_hz, words)
+
+
+def _fence_words(limits: VehicleLimits) -> str:
+    """Of a fence with an action; whether one is drawn is not asked for."""
+    if limits.fence_is_sized:
+        return "on"
+    return "WARNING: none is set by GF_MAX_HOR_DIST or GF_MAX_VER_DIST: it is off unless one was drawn"
 
 
 def _age_words(stream: CameraStream, setup: MavlinkSetup) -> str:

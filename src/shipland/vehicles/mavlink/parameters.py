@@ -60,9 +60,13 @@ ARDUPILOT_NAMES = (
 )  # fmt: skip
 """Read from an ArduPilot; newer ones have other names, in degrees and metres instead of hundredths."""
 
+_PX4_FENCE_SIZES = ("GF_MAX_HOR_DIST", "GF_MAX_VER_DIST")
+"""Of the fence about home [m]; 0 is none."""
+
 PX4_NAMES = (
     "MPC_TILTMAX_AIR", "MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN", "MPC_THR_HOVER", "COM_OF_LOSS_T",
-    "COM_OBL_RC_ACT", "COM_RC_IN_MODE", "GF_ACTION", "EKF2_GPS_CTRL", *STICK_NAMES[PX4],
+    "COM_OBL_RC_ACT", "COM_RC_IN_MODE", "GF_ACTION", *_PX4_FENCE_SIZES, "EKF2_GPS_CTRL",
+    *STICK_NAMES[PX4],
 )  # fmt: skip
 """Read from a PX4."""
 
@@ -118,6 +122,7 @@ class VehicleLimits:
         tilt_rad, speed_mps, up_mps, down_mps: largest; an ArduPilot's speed is infinite where it does not say.
         hover_throttle: 0 … 1; None where it does not say.
         fence_problem: why its own geofence keeps it from nothing, in words; empty where it does.
+        fence_is_sized: the fence is one of parameters; otherwise it may be drawn, or none.
         hold_after_s: after the last set-point it acts by itself; NaN where it does not say.
         hold_problem: what it does then other than hold, in words; empty where it holds.
         hold_by_sticks: what it does then holds by a transmitter's sticks only.
@@ -135,6 +140,7 @@ class VehicleLimits:
     hold_problem: str = ""
     hold_by_sticks: bool = False
     obeys_sticks: bool = True
+    fence_is_sized: bool = True
     velocity_reference: Literal["ground", "surface"] = "ground"
 
     @staticmethod
@@ -161,6 +167,7 @@ class VehicleLimits:
                 hold_problem=_hold_problem(values.get("COM_OBL_RC_ACT")),
                 hold_by_sticks=values.get("COM_OBL_RC_ACT") in _STICK_ACTIONS,
                 obeys_sticks=values.get("COM_RC_IN_MODE") not in _STICKS_IGNORED,
+                fence_is_sized=any(values.get(name, 0.0) > 0.0 for name in _PX4_FENCE_SIZES),
                 velocity_reference="ground" if values.get("EKF2_GPS_CTRL", 1.0) > 0.0 else "surface",
             )
         for bit, words in _UNFLOWN_OPTIONS.items():
