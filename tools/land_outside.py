@@ -231,17 +231,19 @@ def land(arguments: Arguments, seed: int) -> dict[str, object]:
     if config is None and arguments.autopilot != "stand-in":
         config = ROOT / "examples" / f"{arguments.autopilot}.toml"
     fly += [] if config is None else ["--vehicle-config", str(config)]
+    ours, running = our_environment(arguments.speed), list[subprocess.Popen[bytes]]()
     with (folder / "physics.txt").open("w") as physics_log, (folder / "autopilot.txt").open("w") as autopilot_log:
-        ours = our_environment(arguments.speed)
-        physics = subprocess.Popen(
-            [*SHIPLAND, "serve-physics", *common, *served], stdout=physics_log, stderr=subprocess.STDOUT, env=ours
-        )
-        time.sleep(4.0 / arguments.speed)
-        flown = subprocess.Popen(
-            command, cwd=folder, stdin=subprocess.PIPE, stdout=autopilot_log, stderr=subprocess.STDOUT,
-            env=px4_environment() if is_px4 else None,
-        )  # fmt: skip
         try:
+            physics = subprocess.Popen(
+                [*SHIPLAND, "serve-physics", *common, *served], stdout=physics_log, stderr=subprocess.STDOUT, env=ours
+            )
+            running.append(physics)
+            time.sleep(4.0 / arguments.speed)
+            flown = subprocess.Popen(
+                command, cwd=folder, stdin=subprocess.PIPE, stdout=autopilot_log, stderr=subprocess.STDOUT,
+                env=px4_environment() if is_px4 else None,
+            )  # fmt: skip
+            running.append(flown)
             time.sleep(arguments.boot_s / arguments.speed)
             with (folder / "fly.txt").open("w") as fly_log:
                 subprocess.run(
@@ -252,7 +254,7 @@ def land(arguments: Arguments, seed: int) -> dict[str, object]:
         except subprocess.TimeoutExpired:
             pass
         finally:
-            for process in (flown, physics):
+            for process in reversed(running):
                 process.kill()
                 process.wait()
     return outcome(folder, seed)

@@ -2,13 +2,15 @@
 
 It knows nothing of shipland. It keeps to what real ones were seen to do: ArduPilot drops SET_ATTITUDE_TARGET whose
 rates are partly ignored, takes thrust 0.5 as holding the height, obeys set-points in GUIDED only, holds when they stop,
-and refuses a plain disarm while the deck moves; PX4 gives OFFBOARD only after set-points and leaves it without them.
+and refuses a plain disarm while the deck moves; PX4 gives OFFBOARD only after set-points, leaves it without them, and
+says a heartbeat a second whatever rate it is asked for, and one whenever one is requested; where it is to wait for
+sticks without set-points, and obeys none (COM_RC_IN_MODE = 4), it flies the last one on.
 
 Words on standard input: `mode N`, `sticks ROLL PITCH THROTTLE YAW` (pulse widths; the rest stay, and none is no
 receiver), `silent S`, `mute S` (it hears and obeys, and says nothing), `lag S` (what it says comes so late), `set NAME
 VALUE` (of a parameter), `reboot`, `deck` (a moving deck just below), `updraft` (it sinks evenly at 0.59 of the hover
-throttle), `lose NAME` (no answer for that parameter), `deaf N` (the next N requests for a mode are lost), `deny MODE`
-(requests for it are denied), `withhold NAME` (messages that it does not send), `refuse NUMBER` (commands that it
+throttle), `lose NAME` (no answer for that parameter), `deaf N` (the next N requests for a mode are lost), `deny MODE …`
+(requests for them are denied), `withhold NAME` (messages that it does not send), `refuse NUMBER` (commands that it
 denies), `miss NUMBER` (the next such command is lost), `sick` (an unhealthy gyroscope), `well`, `report`. `report`
 answers a line of JSON on standard output.
 """
@@ -34,6 +36,7 @@ PARAMETERS = {
 PX4_PARAMETERS = {
     "MPC_TILTMAX_AIR": 45.0, "MPC_XY_VEL_MAX": 12.0, "MPC_Z_VEL_MAX_UP": 3.0, "MPC_Z_VEL_MAX_DN": 1.0,
     "MPC_THR_HOVER": 0.4, "COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 0.0, "GF_ACTION": 2.0,
+    "GF_MAX_HOR_DIST": 150.0,
 }  # fmt: skip
 GUIDED, OFFBOARD = 4, 6 << 16
 
@@ -139,8 +142,12 @@ class Autopilot:
             return
         elif it.command == 176:
             result = self.change_mode(int(it.param2), int(it.param3))
+        elif it.command == 511 and it.param1 == 0.0 and self.px4:
+            result = 4
         elif it.command == 511 and it.param1 == 0.0:
             self.heartbeat_every = max(1, round(it.param2 * 1e-6 / STEP_S))
+        elif it.command == 512 and it.param1 == 0.0:
+            self.tell_heartbeat()
         elif it.command == 22:
             self.target, self.target_s = ("up", [it.param7]), time.monotonic() + 1e6
         self.send(m.MAVLink_command_ack_message(it.command, result))
@@ -182,9 +189,10 @@ class Autopilot:
         now_s = time.monotonic()
         kind, values = self.target
         age_s = now_s - self.target_s
-        if self.px4 and self.mode == OFFBOARD and 1.8 < age_s < 1e5 and math.isfinite(age_s):
+        deaf = self.px4 and PX4_PARAMETERS["COM_OBL_RC_ACT"] < 2.0 and PX4_PARAMETERS.get("COM_RC_IN_MODE") == 4.0
+        if self.px4 and self.mode == OFFBOARD and 1.8 < age_s < 1e5 and math.isfinite(age_s) and not deaf:
             self.mode = 3 << 16
-        if age_s > (1.0 if self.px4 else 3.0):
+        if age_s > (1.0 if self.px4 else 3.0) and not deaf:
             kind, values = "hold", []
         tilt, wanted, turn = [0.0, 0.0], [0.0, 0.0, 0.0], 0.0
         c, s = math.cos(self.yaw), math.sin(self.yaw)
@@ -241,9 +249,7 @@ class Autopilot:
         boot_ms = int((time.monotonic() - self.booted_s) * 1000)
         north, east, up = self.velocity
         if turn % self.heartbeat_every == 0:
-            kind = m.MAV_AUTOPILOT_PX4 if self.px4 else m.MAV_AUTOPILOT_ARDUPILOTMEGA
-            base = (128 if self.armed else 0) | 1
-            self.send(m.MAVLink_heartbeat_message(m.MAV_TYPE_QUADROTOR, kind, base, self.mode, 4, 3))
+            self.tell_heartbeat()
         if turn % 100 == 0:
             self.send(m.MAVLink_battery_status_message(0, 0, 0, 300, [65535] * 10, 0, 0, 0, 87))
         if turn % 4 == 0:
@@ -258,6 +264,11 @@ class Autopilot:
             self.send(m.MAVLink_rc_channels_message(boot_ms, 8 if self.sticks_us else 0, *sticks, 255))
             healthy = 0x7FFFFFFE if self.sick else 0x7FFFFFFF
             self.send(m.MAVLink_sys_status_message(0xFFFF, 0xFFFF, healthy, 0, 12000, 0, 87, 0, 0, 0, 0, 0, 0))
+
+    def tell_heartbeat(self) -> None:
+        kind = m.MAV_AUTOPILOT_PX4 if self.px4 else m.MAV_AUTOPILOT_ARDUPILOTMEGA
+        base = (128 if self.armed else 0) | 1
+        self.send(m.MAVLink_heartbeat_message(m.MAV_TYPE_QUADROTOR, kind, base, self.mode, 4, 3))
 
     def report(self) -> dict[str, Any]:
         return {
@@ -293,7 +304,7 @@ class Autopilot:
         elif words[0] == "lose":
             self.unanswered.add(words[1])
         elif words[0] == "deny":
-            self.denied = {int(words[1])}
+            self.denied = {int(word) for word in words[1:]}
         elif words[0] in ("refuse", "miss"):
             (self.refused if words[0] == "refuse" else self.missed).add(int(words[1]))
         elif words[0] == "withhold":

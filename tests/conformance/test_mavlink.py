@@ -256,6 +256,30 @@ def test_a_pilot_at_the_sticks_gets_a_mode_that_obeys_them_though_requests_are_l
         assert vehicle.in_command == "the pilot (LOITER)" or vehicle.in_command.startswith("nobody: the pilot moved")
 
 
+def test_a_vehicle_that_obeys_no_sticks_holds_when_they_are_moved() -> None:
+    """A PX4 with COM_RC_IN_MODE = 4 tells of its transmitter and refuses every mode that obeys it."""
+    with bench("px4") as (vehicle, autopilot, _):
+        autopilot.say("set COM_RC_IN_MODE 4")
+        autopilot.say("deny 2 3")
+        vehicle.open()
+        assert fly(vehicle, 0.3, 10.0, 0.0, 0.0, 0.0)
+        autopilot.say("sticks 1500 1700")
+        assert not fly(vehicle, 3.0, 10.0, 0.0, 0.0, 0.0)
+        assert until(lambda: autopilot.report()["mode"] == HOLDS["px4"])
+
+
+def test_where_the_throttle_stick_belongs_is_said_in_the_air_and_on_the_ground() -> None:
+    """An ArduPilot refuses to arm with it in the middle."""
+    with bench() as (vehicle, autopilot, _):
+        vehicle.connect()
+        words = lambda: {check.name: check.words for check in vehicle.checks()}["transmitter"]  # noqa: E731
+        assert until(lambda: words() == "heard, throttle stick at 1500 µs")
+        autopilot.say("sticks 1500 1500 1000 1500")
+        assert until(lambda: "put it in the middle, or taking over" in words())
+        assert vehicle.session.command(400, 0, 21196)
+        assert until(lambda: "arms with it at the bottom only" in words())
+
+
 def test_without_a_transmitter_it_is_said_before_take_off(caplog: pytest.LogCaptureFixture) -> None:
     with bench() as (vehicle, autopilot, _):
         autopilot.say("sticks")
@@ -278,11 +302,13 @@ def test_what_the_vehicle_says_is_wrong_stands_in_the_telemetry_until_it_is_not(
         until(lambda: vehicle.telemetry_at(time.monotonic()).alerts == "")
 
 
-def test_a_change_of_mode_is_seen_at_once() -> None:
-    with bench() as (vehicle, autopilot, _):
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_a_change_of_mode_is_seen_at_once(kind: str) -> None:
+    """A PX4 refuses a rate for its heartbeat."""
+    with bench(kind) as (vehicle, _, _):
         vehicle.connect()
-        asked = {number: interval_us for _, number, interval_us in commands(autopilot, 511)}
-        assert asked[0.0] <= 2e5
+        words = lambda: {check.name: check.words for check in vehicle.checks()}["messages"]  # noqa: E731
+        assert until(lambda: "a takeover by mode is seen late" not in words())
 
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
@@ -332,6 +358,27 @@ def test_what_a_px4_does_without_set_points_is_not_assumed() -> None:
         line = {check.name: check for check in vehicle.checks()}["own hold"]
         assert not line.ok
         assert "COM_OBL_RC_ACT" in line.words
+
+
+@pytest.mark.parametrize(("sticks", "mode"), [("sticks", 3), ("", 4)])
+def test_a_px4_that_waits_for_sticks_without_set_points_is_no_start_without_them(sticks: str, mode: int) -> None:
+    """Its failsafe is none then: it flies the last set-point on."""
+    with bench("px4") as (vehicle, autopilot, _):
+        autopilot.say(f"set COM_RC_IN_MODE {mode}")
+        autopilot.say(sticks)
+        vehicle.connect()
+        line = lambda name: {check.name: check for check in vehicle.checks()}[name]  # noqa: E731
+        assert until(lambda: "WARNING" in line("transmitter").words)
+        assert (line("own hold").ok, "set COM_OBL_RC_ACT to 5" in line("own hold").words) == (False, True)
+
+
+def test_a_fence_without_a_size_is_not_called_on() -> None:
+    """A PX4 as delivered has an action, and nothing that it is for."""
+    with bench("px4") as (vehicle, autopilot, _):
+        autopilot.say("set GF_MAX_HOR_DIST 0")
+        vehicle.connect()
+        line = {check.name: check for check in vehicle.checks()}["geofence"]
+        assert (line.ok, "WARNING" in line.words) == (True, True)
 
 
 def test_a_check_fails_for_what_has_stopped() -> None:

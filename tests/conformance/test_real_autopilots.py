@@ -2,11 +2,14 @@
 
 import json
 import os
+import socket
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from waiting import until
 
 ROOT = Path(__file__).parents[2]
 
@@ -29,6 +32,18 @@ def test_an_autopilot_lands_by_itself_on_the_pad_that_it_is_told(tmp_path: Path)
     row = json.loads((tmp_path / "rig-natops.json").read_text())[0]
     assert row["own_landing_s"] > 1.0
     assert row["rest"].startswith("motors at rest")
+
+
+def test_a_stop_while_the_physics_starts_leaves_no_process_of_it(tmp_path: Path) -> None:
+    """What is left would keep the port from the next flight."""
+    command = [sys.executable, str(ROOT / "tools" / "land_outside.py"), "--autopilot", "stand-in", "--instance", "9"]
+    tool = subprocess.Popen([*command, "--out", str(tmp_path)])
+    said = tmp_path / "rig-natops-1" / "physics.txt"
+    assert until(lambda: said.exists() and "waiting for a flight controller" in said.read_text())
+    tool.terminate()
+    assert tool.wait(20.0) == 143
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
+        port.bind(("127.0.0.1", 9092))
 
 
 @pytest.mark.skipif(

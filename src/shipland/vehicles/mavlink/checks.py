@@ -43,7 +43,7 @@ def link_checks(
         ),
         *_others(session, setup),
         _health(state, now_s),
-        _transmitter(state, now_s),
+        _transmitter(state, limits, now_s),
         telemetry_check(rate_hz(t_s for t_s, _, _ in session.attitudes), wanted.telemetry_hz, "attitude "),
         _messages(session),
         Check(
@@ -53,7 +53,7 @@ def link_checks(
         _pictures(stream, setup, now_s),
         Check("picture's age", stream.age_s <= wanted.picture_age_s, _age_words(stream, setup)),
         Check("limits", True, limits_text(response)),
-        Check("geofence", not limits.fence_problem, limits.fence_problem or "on"),
+        Check("geofence", not limits.fence_problem, limits.fence_problem or _fence_words(limits)),
         battery_check(battery_at(state, now_s), wanted.battery_percent),
         Check(
             "signing", True,
@@ -64,9 +64,7 @@ def link_checks(
             "our own touchdown detection stops them, by force if need be" if setup.parameters.force_disarm
             else "stopped by a plain disarm only (force_disarm = false)",
         ),
-        Check(
-            "own hold", limits.hold_after_s <= _LONGEST_OWN_HOLD_S and not limits.hold_problem, _own_hold_words(limits)
-        ),
+        _own_hold(limits, transmitter_heard(state, now_s) and limits.obeys_sticks),
     ]  # fmt: skip
     if setup.fixed_pitch_rad is None and not setup.brings_gimbal:
         lines.append(gimbal_check(state))
@@ -120,12 +118,18 @@ def _health(state: AutopilotState, now_s: float) -> Check:
     return Check("health", not (alerts and state.armed), words if state.armed else f"{words}; it is not armed")
 
 
-def _transmitter(state: AutopilotState, now_s: float) -> Check:
+def _transmitter(state: AutopilotState, limits: VehicleLimits, now_s: float) -> Check:
     """A flight without a transmitter is the user's to choose; one whose receiver has lost it is not."""
+    if transmitter_heard(state, now_s) and not limits.obeys_sticks:
+        words = "WARNING: heard, but the vehicle does not obey it (COM_RC_IN_MODE): a moved stick ends in a hold"
+        return Check("transmitter", True, words)
     if transmitter_heard(state, now_s):
         throttle_us = state.sticks_us[2]
-        centred = _THROTTLE_US[0] <= throttle_us <= _THROTTLE_US[1]
-        advice = "" if centred else ": put it in the middle, or taking over by stick begins with a climb or a descent"
+        advice = ""
+        if not state.armed:
+            advice = ": an ArduPilot arms with it at the bottom only; to take over by stick, put it in the middle"
+        elif not _THROTTLE_US[0] <= throttle_us <= _THROTTLE_US[1]:
+            advice = ": put it in the middle, or taking over by stick begins with a climb or a descent"
         return Check("transmitter", True, f"heard, throttle stick at {throttle_us} µs{advice}")
     if state.alerts.get("receiver", (now_s, ""))[1]:
         return Check("transmitter", False, "the receiver is in failsafe: it hears no transmitter; switch that on")
@@ -143,6 +147,13 @@ def _pictures(stream: CameraStream, setup: MavlinkSetup, now_s: float) -> Check:
     return Check("pictures", stream.rate_hz >= least_hz and silent_s <= 5.0 / least_hz, words)
 
 
+def _fence_words(limits: VehicleLimits) -> str:
+    """Of a fence with an action; whether one is drawn is not asked for."""
+    if limits.fence_is_sized:
+        return "on"
+    return "WARNING: none is set by GF_MAX_HOR_DIST or GF_MAX_VER_DIST: it is off unless one was drawn"
+
+
 def _age_words(stream: CameraStream, setup: MavlinkSetup) -> str:
     """What of the pictures' age was measured, and what only stated."""
     age_s, most = stream.age_s, f"at most {setup.preflight.picture_age_s:g}"
@@ -155,8 +166,14 @@ def _age_words(stream: CameraStream, setup: MavlinkSetup) -> str:
     )
 
 
-def _own_hold_words(limits: VehicleLimits) -> str:
+def _own_hold(limits: VehicleLimits, with_sticks: bool) -> Check:
+    """What it does without set-points; `with_sticks`: there is a transmitter that it obeys."""
     if math.isnan(limits.hold_after_s):
-        return "it does not tell GUID_TIMEOUT (ArduPilot) or COM_OF_LOSS_T (PX4): when it holds by itself is unknown"
+        words = "it does not tell GUID_TIMEOUT (ArduPilot) or COM_OF_LOSS_T (PX4): when it holds by itself is unknown"
+        return Check("own hold", False, words)
+    problem = limits.hold_problem
+    if limits.hold_by_sticks and not with_sticks:
+        problem = "it waits for a transmitter's sticks then, and obeys none: set COM_OBL_RC_ACT to 5 (hold)"
     words = f"{limits.hold_after_s:g} s after the last set-point, at most {_LONGEST_OWN_HOLD_S:g}"
-    return "; ".join(filter(None, (words, limits.hold_problem)))
+    soon = limits.hold_after_s <= _LONGEST_OWN_HOLD_S
+    return Check("own hold", soon and not problem, "; ".join(filter(None, (words, problem))))

@@ -60,9 +60,13 @@ ARDUPILOT_NAMES = (
 )  # fmt: skip
 """Read from an ArduPilot; newer ones have other names, in degrees and metres instead of hundredths."""
 
+_PX4_FENCE_SIZES = ("GF_MAX_HOR_DIST", "GF_MAX_VER_DIST")
+"""Of the fence about home [m]; 0 is none."""
+
 PX4_NAMES = (
     "MPC_TILTMAX_AIR", "MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN", "MPC_THR_HOVER", "COM_OF_LOSS_T",
-    "COM_OBL_RC_ACT", "GF_ACTION", "EKF2_GPS_CTRL", *STICK_NAMES[PX4],
+    "COM_OBL_RC_ACT", "COM_RC_IN_MODE", "GF_ACTION", *_PX4_FENCE_SIZES, "EKF2_GPS_CTRL",
+    *STICK_NAMES[PX4],
 )  # fmt: skip
 """Read from a PX4."""
 
@@ -80,8 +84,10 @@ _UNFLOWN_OPTIONS = {
     5: "lets the vehicle drift at a commanded velocity of zero, which is our hold",
 }
 """GUID_OPTIONS that are not flown with, by their bits."""
-_HOLDING_ACTIONS = (0, 1, 5)
-"""COM_OBL_RC_ACT: POSITION, ALTITUDE, HOLD."""
+_HOLDS, _STICK_ACTIONS = 5, (0, 1)
+"""COM_OBL_RC_ACT: HOLD; POSITION and ALTITUDE, which without a transmitter become NAV_RCL_ACT's action, or none."""
+_STICKS_IGNORED = (1, 4)
+"""COM_RC_IN_MODE: MAVLink only, none."""
 _OTHER_ACTIONS = {2: "obeys the sticks alone", 3: "returns", 4: "lands", 6: "stops its motors", 7: "stops its motors"}
 _PX4_FENCE = {
     0: "off: set GF_ACTION to 2, 3 or 5", 1: "only warns: set GF_ACTION to 2, 3 or 5",
@@ -116,8 +122,11 @@ class VehicleLimits:
         tilt_rad, speed_mps, up_mps, down_mps: largest; an ArduPilot's speed is infinite where it does not say.
         hover_throttle: 0 … 1; None where it does not say.
         fence_problem: why its own geofence keeps it from nothing, in words; empty where it does.
+        fence_is_sized: the fence is one of parameters; otherwise it may be drawn, or none.
         hold_after_s: after the last set-point it acts by itself; NaN where it does not say.
         hold_problem: what it does then other than hold, in words; empty where it holds.
+        hold_by_sticks: what it does then holds by a transmitter's sticks only.
+        obeys_sticks: of a transmitter.
         velocity_reference: of its estimate of velocity, as in `Response`.
     """
 
@@ -129,6 +138,9 @@ class VehicleLimits:
     fence_problem: str
     hold_after_s: float
     hold_problem: str = ""
+    hold_by_sticks: bool = False
+    obeys_sticks: bool = True
+    fence_is_sized: bool = True
     velocity_reference: Literal["ground", "surface"] = "ground"
 
     @staticmethod
@@ -153,6 +165,9 @@ class VehicleLimits:
                 fence_problem=_PX4_FENCE.get(int(values.get("GF_ACTION", 0.0)), ""),
                 hold_after_s=values.get("COM_OF_LOSS_T", math.nan),
                 hold_problem=_hold_problem(values.get("COM_OBL_RC_ACT")),
+                hold_by_sticks=values.get("COM_OBL_RC_ACT") in _STICK_ACTIONS,
+                obeys_sticks=values.get("COM_RC_IN_MODE") not in _STICKS_IGNORED,
+                fence_is_sized=any(values.get(name, 0.0) > 0.0 for name in _PX4_FENCE_SIZES),
                 velocity_reference="ground" if values.get("EKF2_GPS_CTRL", 1.0) > 0.0 else "surface",
             )
         for bit, words in _UNFLOWN_OPTIONS.items():
@@ -179,7 +194,7 @@ def _hold_problem(action: float | None) -> str:
     """What a PX4 does without set-points, in words; empty where it holds."""
     if action is None:
         return "it does not tell COM_OBL_RC_ACT: what it does then is unknown"
-    if action in _HOLDING_ACTIONS:
+    if action in (_HOLDS, *_STICK_ACTIONS):
         return ""
     words = _OTHER_ACTIONS.get(int(action), "does what is not known here")
     return f"it {words} then: set COM_OBL_RC_ACT to 5 (hold)"

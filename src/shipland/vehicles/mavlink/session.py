@@ -32,7 +32,7 @@ _STREAMS_HZ = {
     "BATTERY_STATUS": 1, "RC_CHANNELS": 10, "DISTANCE_SENSOR": 20, "GIMBAL_DEVICE_ATTITUDE_STATUS": 30, "SYS_STATUS": 2,
     "EKF_STATUS_REPORT": 2, "ESTIMATOR_STATUS": 2, "EXTENDED_SYS_STATE": 5,
 }  # fmt: skip
-"""Requested messages and their rates [Hz]; a change of mode is seen at the next heartbeat."""
+"""Requested messages and their rates [Hz]; a change of mode is seen at the next heartbeat, whose rate a PX4 keeps."""
 _STREAM_ANSWER_S = 1.5
 """Timeout of the answer to each of these requests, which are sent twice within it."""
 _HOLD_ANSWER_S, _HOLD_AGAIN_S = 1.5, 0.8
@@ -44,7 +44,8 @@ _HISTORY = 512
 _COUNTED = ("HEARTBEAT", "LOCAL_POSITION_NED", "VFR_HUD")
 """The autopilot's messages whose receipts are kept: by them a takeover and a touchdown are seen."""
 _PATIENT_HAND_OVERS = 3
-"""Requests for a mode that keeps the place, for a pilot at the sticks, before one that keeps the height."""
+"""Requests for a mode that keeps the place, for a pilot at the sticks, before one that keeps the height, and as many
+for that before one that holds by itself."""
 _MULTICOPTERS = {2, 3, 4, 13, 14, 15, 29, 35, 43}
 """MAV_TYPE; a mode's number means something else on an ArduPilot of another kind."""
 _PX4_VTOLS = set(range(19, 26))
@@ -252,10 +253,11 @@ class Session:
         """Ask for a mode that obeys the sticks, without waiting for the answer; whether it was asked for.
 
         Args:
-            attempt: from 0; a mode that keeps the place may be refused for want of one, and then the height is kept.
+            attempt: from 0; a mode that keeps the place may be refused for want of one, and then the height is kept; a
+                vehicle that obeys no sticks refuses both, and is to hold.
         """
         modes = modes_of(self.state)
-        mode = modes.stick_place if attempt < _PATIENT_HAND_OVERS else modes.stick_height
+        mode = (modes.stick_place, modes.stick_height, modes.hold)[min(attempt // _PATIENT_HAND_OVERS, 2)]
         return self.command(_SET_MODE, 1, *mode)
 
     def read_parameters(self, names: Sequence[str], enough: Callable[[Mapping[str, float]], bool]) -> dict[str, float]:
@@ -283,6 +285,10 @@ class Session:
     def beat(self) -> None:
         """Our heartbeat."""
         self.link.send(_heartbeat())
+
+    def ask_heartbeat(self) -> None:
+        """A request for the vehicle's heartbeat, which shows its mode."""
+        self.command(dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAVLINK_MSG_ID_HEARTBEAT)
 
     def ask_time(self) -> None:
         """The question for the round trip, whose answer shows how old what comes may be."""

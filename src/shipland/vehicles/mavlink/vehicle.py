@@ -47,6 +47,8 @@ _HEIGHT_S = 1.0
 """A take-off of ours does not climb on a height older than this."""
 _ASK_TIME_S = 0.25
 """From one question of the time to the next; several may be lost before an answer is missed."""
+_ASK_HEARTBEAT_S = 0.15
+"""Age at which a heartbeat is requested: a PX4 says one a second and no more, and only a fresh one shows the mode."""
 _HAND_OVER_S = 0.5
 """From one request for a mode to the next."""
 
@@ -63,7 +65,7 @@ class MavlinkVehicle(SetpointVehicle):
         self._control = Control(self._parameters.stick_takeover_us, self._parameters.kind == "velocity")
         self._opening = False
         self._hand_overs, self._handed_s = 0, -math.inf
-        self._beat_s = self._asked_s = self._awake_s = -math.inf
+        self._beat_s = self._asked_s = self._asked_heartbeat_s = self._awake_s = -math.inf
         self._response: Response | None = None
         self._limits: VehicleLimits | None = None
         self._told: Mapping[str, float] = {}
@@ -225,6 +227,9 @@ class MavlinkVehicle(SetpointVehicle):
         if session.link.port.problem:
             self._end("")
         state = session.state
+        if not now_s - max(state.heartbeat_s, self._asked_heartbeat_s) < _ASK_HEARTBEAT_S:
+            self._asked_heartbeat_s = now_s
+            session.ask_heartbeat()
         if step_s > self._parameters.setpoint_gap_s:
             self._awake_s = now_s  # what came while this process stood still is not read yet
         unheard_s = now_s - max(state.heartbeat_s, self._awake_s)
