@@ -2,7 +2,7 @@
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-run setup-train olympe peers demo test test-slow fuzz check bench results docs wheel-test train clean
+.PHONY: help setup setup-run setup-train olympe peers demo test test-slow test-oldest fuzz check bench results docs wheel-test train clean
 
 BIN := .venv/bin
 ARGS ?=
@@ -10,9 +10,9 @@ SERVE ?=
 ONLY ?=
 
 # One thread a process: pytest's workers, or what is measured, share the cores.
-test test-slow fuzz bench results: export OMP_NUM_THREADS := 1
-test test-slow fuzz bench results: export OPENBLAS_NUM_THREADS := 1
-test test-slow fuzz bench results: export LP_NUM_THREADS := 1
+test test-slow test-oldest fuzz bench results: export OMP_NUM_THREADS := 1
+test test-slow test-oldest fuzz bench results: export OPENBLAS_NUM_THREADS := 1
+test test-slow test-oldest fuzz bench results: export LP_NUM_THREADS := 1
 # The byte code of tests and sources is kept: pytest rewrites every assertion of a file that has none, in every worker.
 test test-slow: export PYTHONDONTWRITEBYTECODE :=
 
@@ -47,6 +47,18 @@ test: setup ## run the tests but the slow ones; ARGS='-k frames' for some of the
 test-slow: setup ## run the slow tests: whole processes, also before autopilots and Parrot's own end in real time, and studies
 	@$(MAKE) --no-print-directory olympe || echo "no .venv-olympe: the tests of the ANAFI before Olympe are skipped" >&2
 	$(BIN)/pytest -n 3 -p randomly -m slow $(ARGS)
+
+.venv-oldest/made: pyproject.toml | setup
+	@$(BIN)/python -m venv .venv-oldest
+	@.venv-oldest/bin/pip install --disable-pip-version-check --quiet uv
+	@.venv-oldest/bin/uv pip install --quiet --python .venv-oldest/bin/python --resolution lowest-direct \
+		-e '.[dataset,full,mavlink,mpc,rl,ros2]'
+	@.venv-oldest/bin/uv pip install --quiet --python .venv-oldest/bin/python hypothesis ipykernel \
+		mcap-protobuf-support nbclient onnx pyapriltags pypdfium2 pytest pytest-randomly pytest-rerunfailures pytest-xdist
+	@touch $@
+
+test-oldest: .venv-oldest/made ## run the unit tests with the oldest packages that pyproject.toml allows
+	.venv-oldest/bin/pytest -n 4 --dist loadgroup -p randomly -m 'not slow' tests/unit $(ARGS)
 
 fuzz: setup ## hostile inputs for an hour: flights, files, datagrams, signals; findings in out/fuzz/
 	$(BIN)/python tools/fuzz.py $(ARGS)
