@@ -14,7 +14,7 @@ test test-slow test-oldest fuzz bench results: export OMP_NUM_THREADS := 1
 test test-slow test-oldest fuzz bench results: export OPENBLAS_NUM_THREADS := 1
 test test-slow test-oldest fuzz bench results: export LP_NUM_THREADS := 1
 # The byte code of tests and sources is kept: pytest rewrites every assertion of a file that has none, in every worker.
-test test-slow: export PYTHONDONTWRITEBYTECODE :=
+test test-slow test-oldest: export PYTHONDONTWRITEBYTECODE :=
 
 help: ## list what there is (default)
 	@sed -n 's/^\([a-z-]*\):[^#]*## /\1 @/p' $(MAKEFILE_LIST) | while IFS=@ read -r name what; do printf 'make %-10s %s\n' "$$name" "$$what"; done
@@ -53,8 +53,7 @@ test-slow: setup ## run the slow tests: whole processes, also before autopilots 
 	@.venv-oldest/bin/pip install --disable-pip-version-check --quiet uv
 	@.venv-oldest/bin/uv pip install --quiet --python .venv-oldest/bin/python --resolution lowest-direct \
 		-e '.[dataset,full,mavlink,mpc,rl,ros2]'
-	@.venv-oldest/bin/uv pip install --quiet --python .venv-oldest/bin/python hypothesis ipykernel \
-		mcap-protobuf-support nbclient onnx pyapriltags pypdfium2 pytest pytest-randomly pytest-rerunfailures pytest-xdist
+	@.venv-oldest/bin/uv pip install --quiet --python .venv-oldest/bin/python -e '.[dev]' # keeps what is there
 	@touch $@
 
 test-oldest: .venv-oldest/made ## run the unit tests with the oldest packages that pyproject.toml allows

@@ -53,7 +53,7 @@ def link_checks(
         _pictures(stream, setup, now_s),
         Check("picture's age", stream.age_s <= wanted.picture_age_s, _age_words(stream, setup)),
         Check("limits", True, limits_text(response)),
-        Check("geofence", not limits.fence_problem, limits.fence_problem or _fence_words(limits)),
+        Check("geofence", not limits.fence_problem, limits.fence_problem or limits.fence_words),
         battery_check(battery_at(state, now_s), wanted.battery_percent),
         Check(
             "signing", True,
@@ -120,10 +120,10 @@ def _health(state: AutopilotState, now_s: float) -> Check:
 
 def _transmitter(state: AutopilotState, limits: VehicleLimits, now_s: float) -> Check:
     """A flight without a transmitter is the user's to choose; one whose receiver has lost it is not."""
-    if transmitter_heard(state, now_s) and not limits.obeys_sticks:
-        words = "WARNING: heard, but the vehicle does not obey it (COM_RC_IN_MODE): a moved stick ends in a hold"
-        return Check("transmitter", True, words)
     if transmitter_heard(state, now_s):
+        if not limits.obeys_sticks:
+            words = "WARNING: heard, but the vehicle does not obey it (COM_RC_IN_MODE): a moved stick ends in a hold"
+            return Check("transmitter", True, words)
         throttle_us = state.sticks_us[2]
         advice = ""
         if not state.armed:
@@ -147,13 +147,6 @@ def _pictures(stream: CameraStream, setup: MavlinkSetup, now_s: float) -> Check:
     return Check("pictures", stream.rate_hz >= least_hz and silent_s <= 5.0 / least_hz, words)
 
 
-def _fence_words(limits: VehicleLimits) -> str:
-    """Of a fence with an action; whether one is drawn is not asked for."""
-    if limits.fence_is_sized:
-        return "on"
-    return "WARNING: none is set by GF_MAX_HOR_DIST or GF_MAX_VER_DIST: it is off unless one was drawn"
-
-
 def _age_words(stream: CameraStream, setup: MavlinkSetup) -> str:
     """What of the pictures' age was measured, and what only stated."""
     age_s, most = stream.age_s, f"at most {setup.preflight.picture_age_s:g}"
@@ -171,9 +164,7 @@ def _own_hold(limits: VehicleLimits, with_sticks: bool) -> Check:
     if math.isnan(limits.hold_after_s):
         words = "it does not tell GUID_TIMEOUT (ArduPilot) or COM_OF_LOSS_T (PX4): when it holds by itself is unknown"
         return Check("own hold", False, words)
-    problem = limits.hold_problem
-    if limits.hold_by_sticks and not with_sticks:
-        problem = "it waits for a transmitter's sticks then, and obeys none: set COM_OBL_RC_ACT to 5 (hold)"
+    problem = limits.hold_problem if with_sticks else limits.hold_problem_alone
     words = f"{limits.hold_after_s:g} s after the last set-point, at most {_LONGEST_OWN_HOLD_S:g}"
     soon = limits.hold_after_s <= _LONGEST_OWN_HOLD_S
     return Check("own hold", soon and not problem, "; ".join(filter(None, (words, problem))))

@@ -62,6 +62,7 @@ ARDUPILOT_NAMES = (
 
 _PX4_FENCE_SIZES = ("GF_MAX_HOR_DIST", "GF_MAX_VER_DIST")
 """Of the fence about home [m]; 0 is none."""
+_PX4_NO_FENCE = "WARNING: none is set by GF_MAX_HOR_DIST or GF_MAX_VER_DIST: it is off unless one was drawn"
 
 PX4_NAMES = (
     "MPC_TILTMAX_AIR", "MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN", "MPC_THR_HOVER", "COM_OF_LOSS_T",
@@ -84,11 +85,14 @@ _UNFLOWN_OPTIONS = {
     5: "lets the vehicle drift at a commanded velocity of zero, which is our hold",
 }
 """GUID_OPTIONS that are not flown with, by their bits."""
-_HOLDS, _STICK_ACTIONS = 5, (0, 1)
-"""COM_OBL_RC_ACT: HOLD; POSITION and ALTITUDE, which without a transmitter become NAV_RCL_ACT's action, or none."""
+_HOLDING_ACTIONS, _HOLDING_ALONE = (0, 1, 5), (5,)
+"""COM_OBL_RC_ACT: POSITION, ALTITUDE, HOLD; the first two are NAV_RCL_ACT's action, or none, without a transmitter."""
 _STICKS_IGNORED = (1, 4)
 """COM_RC_IN_MODE: MAVLink only, none."""
-_OTHER_ACTIONS = {2: "obeys the sticks alone", 3: "returns", 4: "lands", 6: "stops its motors", 7: "stops its motors"}
+_OTHER_ACTIONS = {
+    0: "waits for sticks that it does not obey", 1: "waits for sticks that it does not obey",
+    2: "obeys the sticks alone", 3: "returns", 4: "lands", 6: "stops its motors", 7: "stops its motors",
+}  # fmt: skip
 _PX4_FENCE = {
     0: "off: set GF_ACTION to 2, 3 or 5", 1: "only warns: set GF_ACTION to 2, 3 or 5",
     4: "stops the motors in the air: set GF_ACTION to 2, 3 or 5",
@@ -122,10 +126,10 @@ class VehicleLimits:
         tilt_rad, speed_mps, up_mps, down_mps: largest; an ArduPilot's speed is infinite where it does not say.
         hover_throttle: 0 … 1; None where it does not say.
         fence_problem: why its own geofence keeps it from nothing, in words; empty where it does.
-        fence_is_sized: the fence is one of parameters; otherwise it may be drawn, or none.
+        fence_words: what is known of the fence where it has no such problem.
         hold_after_s: after the last set-point it acts by itself; NaN where it does not say.
         hold_problem: what it does then other than hold, in words; empty where it holds.
-        hold_by_sticks: what it does then holds by a transmitter's sticks only.
+        hold_problem_alone: the same where there is no transmitter that it obeys.
         obeys_sticks: of a transmitter.
         velocity_reference: of its estimate of velocity, as in `Response`.
     """
@@ -138,9 +142,9 @@ class VehicleLimits:
     fence_problem: str
     hold_after_s: float
     hold_problem: str = ""
-    hold_by_sticks: bool = False
+    hold_problem_alone: str = ""
     obeys_sticks: bool = True
-    fence_is_sized: bool = True
+    fence_words: str = "on"
     velocity_reference: Literal["ground", "surface"] = "ground"
 
     @staticmethod
@@ -164,10 +168,10 @@ class VehicleLimits:
                 hover_throttle=values.get("MPC_THR_HOVER"),
                 fence_problem=_PX4_FENCE.get(int(values.get("GF_ACTION", 0.0)), ""),
                 hold_after_s=values.get("COM_OF_LOSS_T", math.nan),
-                hold_problem=_hold_problem(values.get("COM_OBL_RC_ACT")),
-                hold_by_sticks=values.get("COM_OBL_RC_ACT") in _STICK_ACTIONS,
+                hold_problem=_hold_problem(values.get("COM_OBL_RC_ACT"), _HOLDING_ACTIONS),
+                hold_problem_alone=_hold_problem(values.get("COM_OBL_RC_ACT"), _HOLDING_ALONE),
                 obeys_sticks=values.get("COM_RC_IN_MODE") not in _STICKS_IGNORED,
-                fence_is_sized=any(values.get(name, 0.0) > 0.0 for name in _PX4_FENCE_SIZES),
+                fence_words="on" if any(values.get(name, 0.0) > 0.0 for name in _PX4_FENCE_SIZES) else _PX4_NO_FENCE,
                 velocity_reference="ground" if values.get("EKF2_GPS_CTRL", 1.0) > 0.0 else "surface",
             )
         for bit, words in _UNFLOWN_OPTIONS.items():
@@ -190,11 +194,11 @@ class VehicleLimits:
         )
 
 
-def _hold_problem(action: float | None) -> str:
-    """What a PX4 does without set-points, in words; empty where it holds."""
+def _hold_problem(action: float | None, holding: tuple[int, ...]) -> str:
+    """What a PX4 does without set-points, in words; empty where that is among the actions by which it holds."""
     if action is None:
         return "it does not tell COM_OBL_RC_ACT: what it does then is unknown"
-    if action in (_HOLDS, *_STICK_ACTIONS):
+    if action in holding:
         return ""
     words = _OTHER_ACTIONS.get(int(action), "does what is not known here")
     return f"it {words} then: set COM_OBL_RC_ACT to 5 (hold)"

@@ -6,6 +6,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from shipland.errors import VehicleError
+from shipland.extras import require
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -42,10 +43,9 @@ Message = Any
 @lru_cache(maxsize=1)
 def store() -> Typestore:
     """The types of ROS 2 Jazzy and `_OWN`; VehicleError without the extra."""
-    try:
-        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-    except ImportError:
-        raise VehicleError("ROS 2 messages need rosbags: pip install 'shipland[ros2]'") from None
+    require("ros2", "ros2://", VehicleError)
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
     made = get_typestore(Stores.ROS2_JAZZY)
     for name, text in _OWN.items():
         made.register(get_types_from_msg(text, name))
