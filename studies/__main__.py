@@ -52,8 +52,8 @@ def main(
         return
     for name in chosen:
         study = load(name)
-        if study.needs and not os.environ.get(study.needs):
-            print(f"studies: {name} is left out: {study.needs} names nothing", file=sys.stderr)
+        if missing := [variable for variable in study.needs if not os.environ.get(variable)]:
+            print(f"studies: {name} is left out: {', '.join(missing)} names nothing", file=sys.stderr)
             continue
         if not cases_where(study, wanted):
             raise SystemExit(f"studies: no case of {name} has {' and '.join(where)}")

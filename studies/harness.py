@@ -81,7 +81,7 @@ class Study:
         files: files and folders that the rows depend on, besides what was imported to measure them, configuration and
             weights: of processes of their own, or read.
         alone: one case after the other, for measurements of time.
-        needs: environment variable that must name what it reads or runs; without it the study is left out.
+        needs: environment variables that must name what it reads or runs; without one the study is left out.
     """
 
     question: str
@@ -93,7 +93,7 @@ class Study:
     picture: Callable[[Sequence[Row], Path], None] | None = None
     files: tuple[str, ...] = ()
     alone: bool = False
-    needs: str = ""
+    needs: tuple[str, ...] = ()
 
 
 def estimate(value: float, interval: Interval) -> dict[str, float]:

@@ -140,5 +140,5 @@ STUDY = Study(
     runs=PHOTOGRAPHS,
     minutes=3,
     alone=True,
-    needs=FOLDER,
+    needs=(FOLDER,),
 )

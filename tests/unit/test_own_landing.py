@@ -1,5 +1,6 @@
 """The study of an autopilot's own landing: a flight is kept, a late one does not count, no binary leaves it out."""
 
+import contextlib
 import json
 
 import pytest
@@ -39,7 +40,8 @@ def flown(tmp_path, monkeypatch):
     monkeypatch.setattr(own_landing, "PARTS", tmp_path)
     monkeypatch.setattr(own_landing, "digest", lambda _: "of the code")
     monkeypatch.setattr(own_landing.subprocess, "run", run)
-    monkeypatch.setenv("SHIPLAND_ARDUCOPTER", "/opt/arducopter")
+    for autopilot, binary in own_landing.BINARIES.items():
+        monkeypatch.setenv(binary, f"/opt/{autopilot}")
     return commands
 
 
@@ -52,12 +54,21 @@ def test_a_row_resumes_flight_by_flight_and_counts_what_kept_pace(flown):
     assert [words[words.index("--first") + 1] for words in flown] == ["1", "2", "2", "3"]
     assert (row["flights"], row["late"], row["success"]["value"]) == (2, 1, 0.5)
     assert (row["off_m"], row["most_m"], row["rest_s"]) == (0.04, 0.04, 2.5)
-    assert row["others"] == "seed 2: no verdict: 0.88 m over the deck at the end"
+    assert row["others"] == "1 no verdict"
     assert {**case, **row}.keys() <= study.columns.keys()
     assert study.measure(case, 3) == row
     assert flown[4:] == [flown[3]], "the late one is flown again"
     assert "--own-landing" in flown[0]
     assert "delays.video_s=0.3" in flown[0]
+
+
+def test_each_autopilot_flies_its_own_binary(flown):
+    for case in own_landing.cases():
+        with contextlib.suppress(KeyboardInterrupt):
+            own_landing.landing(case, 1)
+        asked = tyro.cli(Arguments, args=flown[-1][2:])
+        assert asked.autopilot == str(case["autopilot"]).lower()
+        assert asked.own_landing == (case["who"] == "itself")
 
 
 def test_where_nothing_flies_there_is_no_row(flown, monkeypatch):
@@ -79,7 +90,8 @@ def test_another_case_and_another_binary_fly_anew(flown, monkeypatch):
 
 
 def test_without_a_binary_the_study_is_left_out(monkeypatch, capsys):
-    monkeypatch.delenv("SHIPLAND_ARDUCOPTER", raising=False)
+    monkeypatch.setenv("SHIPLAND_ARDUCOPTER", "/opt/arducopter")
+    monkeypatch.delenv("SHIPLAND_PX4", raising=False)
     monkeypatch.setattr(command, "update_pages", list)
     command.main(("own_landing",))
-    assert capsys.readouterr().err == "studies: own_landing is left out: SHIPLAND_ARDUCOPTER names nothing\n"
+    assert capsys.readouterr().err == "studies: own_landing is left out: SHIPLAND_PX4 names nothing\n"
