@@ -14,6 +14,8 @@ from shipland.compiled import compiled
 from shipland.config import key, parameters, scaled
 from shipland.estimation.kernels import LONGEST_MS, Steps, add_input, correct, mean_input, propagate
 from shipland.estimation.relative_state import (
+    POSITION,
+    STATES,
     VELOCITY,
     VELOCITY_BIAS,
     GaussianState,
@@ -120,6 +122,23 @@ class DelayedFilter:
     ) -> None:
         """Begin at a place, as `Model.start` does."""
         self.estimate = self.model.start(t_s, place_m, covariance_m2, speed_mps, ship_std_mps)
+        self.refused = 0
+
+    def restart_position(
+        self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float = 0.0
+    ) -> None:
+        """Begin the position anew by a picture's place (axes,); speeds stay.
+
+        For a source whose error is another than that of the places before: the difference of two errors is no motion.
+        """
+        if self.estimate is None or t_s < self.estimate.t_s - 1e-3:
+            return
+        _, mean, covariance = self._follow(self.estimate, t_s, inputs, turn_rad_s)
+        expected, _ = pose_measurement(mean, self.model.axes, self.model.wave.bar[0])
+        positions = np.arange(self.model.axes) * STATES + POSITION
+        mean[positions] += place_m - expected
+        covariance[positions, :] = covariance[:, positions] = 0.0
+        covariance[np.ix_(positions, positions)] = covariance_m2
         self.refused = 0
 
     def copy(self) -> DelayedFilter:

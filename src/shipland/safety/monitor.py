@@ -190,15 +190,21 @@ def room_to_bar_m(look: Look) -> float:
     place_m, velocity_mps, limits, ship = look.place_m, look.velocity_mps, look.limits, look.ship
     if place_m is None or velocity_mps is None:
         return math.inf
-    beside = abs(place_m[1]) > ship.half_house_m + limits.least_to_bar_m
     above = place_m[2] < ship.house_top_m - limits.least_to_bar_m
-    if beside or above:
+    if _passes_beside(place_m, velocity_mps, ship.half_house_m + limits.least_to_bar_m) or above:
         return math.inf
     # in the superstructure's lee less wind holds against it
     held_mps2 = _LEE * _along_bar(look, look.estimate.held_mps2)
     towards_mps2 = _along_bar(look, look.estimate.tilt_mps2) - held_mps2
     stop_m = stopping_distance_m(velocity_mps[0], towards_mps2, brake_mps2(look), limits.reaction_s)
     return -place_m[0] - stop_m
+
+
+def _passes_beside(place_m: Place, velocity_mps: Place, half_m: float) -> bool:
+    """Off the bar's axis by more than `half_m`, here and where the way crosses the bar's plane, on the same side."""
+    ahead_m, towards_mps = -place_m[0], velocity_mps[0]
+    there_m = place_m[1] + (velocity_mps[1] * ahead_m / towards_mps if min(ahead_m, towards_mps) > 0.0 else 0.0)
+    return min(place_m[1], there_m) > half_m or max(place_m[1], there_m) < -half_m
 
 
 def bar_ahead(look: Look) -> Finding | None:

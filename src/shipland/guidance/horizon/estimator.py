@@ -83,7 +83,7 @@ class Estimator:
         self._latency, self._gain = LatencyBank(parameters.latency), GainBank(parameters.gain)
         self._gain_models = self._models_by_gain()
         self._landing = False
-        self._velocity_s = self._showed_s = self._posed_s = -math.inf
+        self._velocity_s = self._showed_s = self._posed_s = self._bar_s = -math.inf
         self._by_nose = False
         """The newest pose was turned into the axes of the flight by the nose's heading."""
         self._line_of_sight: tuple[float, float] | None = None
@@ -170,7 +170,7 @@ class Estimator:
         elif box is not None:
             place = self._places.of_box(box, is_bar, observation.gimbal.pitch_rad, headings)
             if place is not None:
-                self._take_box(t_s, place)
+                self._take_box(t_s, place, is_bar)
 
     def _take_pose(self, t_s: float, place: SeenPlace) -> None:
         self._line_of_sight, self._by_nose = None, place.by_nose
@@ -191,9 +191,16 @@ class Estimator:
         else:
             self._posed_s = t_s
 
-    def _take_box(self, t_s: float, place: SeenPlace) -> None:
-        if t_s - self.seen_s > self._parameters.measured.lost_s:  # the ship has moved on meanwhile
+    def _take_box(self, t_s: float, place: SeenPlace, is_bar: bool) -> None:
+        lost_s = self._parameters.measured.lost_s
+        if t_s - self.seen_s > lost_s:  # the ship has moved on meanwhile
             self.forget_place()
+        elif is_bar and t_s - max(self._bar_s, self._posed_s) > lost_s:
+            # The ship's boxes had another error of the range. A leap of the range is no motion of the ship.
+            inputs = self._sticks.across, self._headings.turn_rad_s
+            self._across.restart_position(t_s, place.across_m, place.covariance, *inputs)
+        if is_bar:
+            self._bar_s = t_s
         north, east = (-place.across_m).tolist()
         self._line_of_sight = t_s, math.atan2(east, north)
         self._update(t_s, place, self._parameters.measured.first_way_mps)
