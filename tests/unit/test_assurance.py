@@ -147,6 +147,19 @@ def test_who_flies_at_the_bar_is_braked_ahead_of_it_and_brought_back(response, w
     assert "ahead of the bar" in flight.said
 
 
+@pytest.mark.parametrize(("right_m", "towards"), [(-8.0, True), (8.0, True), (-8.0, False)])
+def test_who_flies_at_the_bar_from_aside_is_braked_too_and_who_passes_beside_it_is_not(right_m, towards):
+    flight = Flight((-8.0, right_m, -0.2), response=TILTS)
+    roll_percent = -math.copysign(40.0, right_m) if towards else 0.0
+    nearest_m = math.inf
+    for _ in range(120):
+        flight.fly(STEP_S, {"pitch_percent": 40.0, "roll_percent": roll_percent})
+        behind = abs(flight.place_m[1]) < 0.5 * RIG.platform_width_m and flight.place_m[2] > -0.5
+        nearest_m = min(nearest_m, -flight.place_m[0]) if behind else nearest_m
+    assert nearest_m > 0.25
+    assert ("ahead of the bar" in flight.said) == towards
+
+
 def test_a_flow_that_begins_to_lie_breaks_a_landing_off_and_is_no_news_once_the_bar_is_out_of_sight():
     """A recovery is over when nothing is found any more; what poses contradicted can only be found with poses."""
 

@@ -167,6 +167,17 @@ def test_a_reference_stays_within_its_pace_and_arrives_without_passing():
     assert max(reference.place_m[0] for reference, _ in way) < 0.03
 
 
+@pytest.mark.parametrize(("goal_m", "within_m"), [(-3.0, 3.3), (3.5, 4.3)])
+def test_a_reference_that_comes_too_fast_brakes_as_hard_as_it_must(goal_m, within_m):
+    """At 3 m/s past its goal, or with less room before it than the 7.5 m that its usual change of speed takes."""
+    reference, furthest_m = at_rest(np.zeros(2), np.array([3.0, 0.0])), 0.0
+    for _ in range(400):
+        reference = moved(reference, 0.033, np.array([goal_m, 0.0]), np.zeros(2), PACE)
+        furthest_m = max(furthest_m, reference.place_m[0])
+    assert furthest_m < within_m
+    assert reference.place_m[0] == pytest.approx(goal_m, abs=0.3)
+
+
 def test_a_reference_keeps_up_with_a_moving_goal():
     way = _led((-5.0, 0.0), (0.0, 0.0), goal_mps=(0.5, -0.3))
     reference, goal = way[-1]

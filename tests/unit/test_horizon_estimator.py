@@ -32,11 +32,14 @@ def _estimator(response=ANAFI_LIKE, horizon=PARAMETERS.horizon):
     return Estimator(horizon, response, RIG, CAMERA, CAMERA_IN_BODY_M)
 
 
-def _cycle(estimator, t_s, camera_m=None, yaw_rad=0.0, *, box=None, landing=False, pitch_percent=0.0, **told):
+def _cycle(
+    estimator, t_s, camera_m=None, yaw_rad=0.0, *, box=None, ship=None, landing=False, pitch_percent=0.0, **told
+):
     """A picture of the bar from a place in `bar`, or of its box alone; what is told 0.3 s later; then the sticks."""
     pose = None if camera_m is None else BarPose(camera_m, yaw_rad, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
     telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, 0.0, 3.0, np.zeros(3), 90.0, 90.0, True)
-    estimator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose, box), replace(telemetry, **told), landing)
+    observation = Observation(t_s, GimbalAttitude(0.0, 0.0), pose, box, ship)
+    estimator.take(observation, replace(telemetry, **told), landing)
     estimator.sent(PilotCommand(t_s + 0.33, pitch_percent, 0.0, 0.0, 0.0, 0.0))
 
 
@@ -257,6 +260,24 @@ def test_a_ship_under_way_is_no_nearer_than_its_boxes_say():
     estimate = _trailing().estimate(15.0)
     assert estimate.place_m == pytest.approx([-40.0, 0.0], abs=6.0)
     assert estimate.speed_mps == pytest.approx([0.0, 0.0], abs=1.0)
+
+
+def test_another_range_by_another_box_is_no_motion_of_the_ship():
+    """The ship lies still. Seen from aside its boxes are larger than from astern, and tell three quarters of the range;
+    the bar's, from 100 m on, tell it all."""
+    estimator, (column_px, row_px) = _estimator(), View.of(CAMERA).middle_px
+    sizes_m = {"ship": (RIG.platform_width_m, RIG.superstructure_height_m), "box": RIG.board_size_m}
+    for index in range(510):
+        t_s = index / 30.0
+        range_m = 160.0 - 6.0 * max(t_s - 2.0, 0.0)
+        seen, share = ("ship", 0.75) if range_m > 100.0 else ("box", 1.0)
+        scale = CAMERA.focal_px / (share * range_m)
+        box = Box((column_px, row_px), (scale * sizes_m[seen][0], scale * sizes_m[seen][1]), 0.9)
+        velocity = np.array([6.0 * (t_s > 2.0), 0.0, 0.0])
+        _cycle(estimator, t_s, velocity_in_level_mps=velocity, **{seen: box})
+    estimate = estimator.estimate(t_s)
+    assert estimate.speed_mps == pytest.approx([6.0, 0.0], abs=1.5)
+    assert estimate.place_m == pytest.approx([-range_m, 0.0], abs=8.0)
 
 
 def test_the_nose_follows_the_newest_box_of_a_ship_that_turns_away():
