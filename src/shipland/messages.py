@@ -81,14 +81,14 @@ class Telemetry:
     """
 
     t_s: float
-    roll_rad: float | None
-    pitch_rad: float | None
-    heading_rad: float | None
-    height_m: float | None
-    velocity_in_level_mps: Array | None
-    battery_percent: float | None
-    link_percent: float | None
-    flying: bool
+    roll_rad: float | None = None
+    pitch_rad: float | None = None
+    heading_rad: float | None = None
+    height_m: float | None = None
+    velocity_in_level_mps: Array | None = None
+    battery_percent: float | None = None
+    link_percent: float | None = None
+    flying: bool = False
     attitude_t_s: float | None = None
     heading_t_s: float | None = None
     height_t_s: float | None = None

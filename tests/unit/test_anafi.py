@@ -367,7 +367,7 @@ def test_sticks_and_events() -> None:
     assert sticks_of(command) == [-20, 10, 100, 5]
     assert sticks_of(replace(command, intent=Intent.HOLD)) == [0, 0, 0, 0]
     assert sticks_of(replace(command, heave_percent=math.nan)) == [0, 0, 0, 0]
-    nothing = Telemetry(0.0, None, None, None, None, None, None, None, flying=False)
+    nothing = Telemetry(0.0)
     turned = merged(nothing, "attitude", {"roll": 0.0, "pitch": 0.0, "yaw": math.pi / 2}, 3.0)
     moving = merged(turned, "speed", {"speedX": 0.0, "speedY": 2.0, "speedZ": -1.0}, 3.2)
     assert moving.velocity_in_level_mps == pytest.approx(np.array([2.0, 0.0, -1.0]), abs=1e-9)
@@ -387,7 +387,7 @@ def metadata(roll: float, pitch: float, yaw: float, camera_pitch: float) -> dict
 
 
 def test_a_picture_s_metadata_are_the_aircraft_at_its_exposure() -> None:
-    nothing = Telemetry(0.0, None, None, None, None, None, None, None, flying=False)
+    nothing = Telemetry(0.0)
     moment = metadata(0.1, -0.2, math.pi / 2, -0.4)
     told, gimbal = with_metadata(nothing, moment, 5.0)
     assert (told.roll_rad, told.pitch_rad, told.heading_rad) == pytest.approx((0.1, -0.2, math.pi / 2))

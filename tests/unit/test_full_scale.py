@@ -109,7 +109,7 @@ def test_from_the_quarter_a_ship_counts_as_no_wider_than_its_stern():
     for as_stern, expected_m in ((True, 3000.0), (False, 3000.0 * math.sqrt(14.0 / 49.0))):
         measured = replace(horizon.measured, ship_as_stern=as_stern)
         estimator = Estimator(replace(horizon, measured=measured), response_of(SEA5), rig, camera, np.zeros(3))
-        estimator.take(seen, Telemetry(0.1, None, None, None, None, None, None, None, True))
+        estimator.take(seen, Telemetry(0.1, flying=True))
         estimate = estimator.estimate(0.1)
         assert estimate is not None
         assert math.hypot(*estimate.place_m) == pytest.approx(expected_m, rel=0.01)

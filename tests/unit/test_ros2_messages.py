@@ -21,7 +21,7 @@ from shipland.vehicles.ros2.setup import vehicle_topics
 from shipland.vehicles.ros2.types import cdr_of, message, message_of, store, type_hash
 from shipland.vehicles.wanted import Wanted
 
-NOTHING = Telemetry(0.0, None, None, None, None, None, None, None, flying=False)
+NOTHING = Telemetry(0.0)
 POSE = BarPose(np.array([-3.0, 0.5, -0.2]), 0.1, np.diag([0.04, 0.01, 0.02, 0.003]), 0.2, np.zeros((8, 2)))
 angles = st.floats(-1.4, 1.4)
 speeds = st.floats(-20.0, 20.0)

@@ -87,7 +87,7 @@ def _command() -> str:
 
 
 def _files_of(scenario: Scenario, vision: str | Factory) -> Iterator[tuple[str, Path]]:
-    """What a flight reads beside code, by what it is: detectors, and what the scenario names outside the package."""
+    """What a flight may read beside code, by what it is: detectors, policies, a recorded motion."""
     if needs_pictures(factories.resolve("visions", vision)):
         from shipland.vision.far.detector import weights_path
 
@@ -95,9 +95,7 @@ def _files_of(scenario: Scenario, vision: str | Factory) -> Iterator[tuple[str, 
         for kind, name in (("ship", detector.ship_weights), ("bar", detector.bar_weights)):
             yield kind, weights_path(name, detector.precision)
     for kind, name in vars(scenario.guidance.learned).items():
-        path = policy_path(name)
-        if not path.is_relative_to(str(resources.files("shipland"))):
-            yield kind, path
+        yield kind, policy_path(name)
     if scenario.ship.motion == "recorded":
         yield "motion", Path(scenario.ship.recorded.path)
 

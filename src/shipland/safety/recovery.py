@@ -241,9 +241,9 @@ def _recovering(
     refused = next((finding for finding in found if finding.action is Action.REFUSE), None)
     if refused is not None and not recovery.refuses:
         return replace(before, recovery=_refusal(refused.words, look.t_s, parameters))
-    lasted_s, calm = look.t_s - recovery.since_s, look.t_s - before.found_s >= recovery.calm_s
+    lasted_s, calm = look.t_s - recovery.since_s, look.t_s - before.found_s > recovery.calm_s
     if recovery.refuses:
-        again = calm and recovery.calm_s < math.inf and before.tries <= parameters.tries
+        again = calm and before.tries <= parameters.tries
         return replace(before, recovery=None, tries=before.tries + 1) if again else before
     if recovery.rung is Rung.BRAKE:
         braked = room_to_bar_m(look) > _BRAKED * look.limits.least_to_bar_m

@@ -84,7 +84,7 @@ class ReplayVehicle:
         if math.isfinite(t_s):
             self._now_s = max(self._now_s, t_s)
         if self._newest is None:
-            return Telemetry(self._now_s, None, None, None, None, None, None, None, False)
+            return Telemetry(self._now_s)
         return replace(self._newest.telemetry, t_s=self._now_s)
 
     def send(self, command: PilotCommand) -> None:
@@ -134,5 +134,5 @@ def recorded_video(path: Path, camera: Camera, pitch_rad: float, latency_s: floa
         if wrong := wrong_size(f"{path} holds pictures", (width_px, height_px), (camera.width_px, camera.height_px)):
             raise DataError(wrong)
         arrived_s = t_s + latency_s
-        telemetry = Telemetry(arrived_s, None, None, None, None, None, None, None, flying=True)
+        telemetry = Telemetry(arrived_s, flying=True)
         yield Recorded(Frame(t_s, image, gimbal), arrived_s, telemetry)

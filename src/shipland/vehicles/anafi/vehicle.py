@@ -50,7 +50,7 @@ class AnafiVehicle(LinkVehicle):
         self._setup, self._parameters = setup, setup.parameters
         self._process: AnafiProcess | None = None
         self._changed = threading.Condition()
-        self._telemetry = Telemetry(0.0, None, None, None, None, None, None, None, flying=False)
+        self._telemetry = Telemetry(0.0)
         self._gimbals: deque[Reading] = deque(maxlen=_READINGS)
         self._limits: Mapping[str, float | None] | None = None
         self._shot: StreamedPicture | None = None

@@ -42,7 +42,7 @@ class Heard:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._telemetry = Telemetry(0.0, None, None, None, None, None, None, None, flying=False)
+        self._telemetry = Telemetry(0.0)
         self._attitudes: deque[Reading] = deque(maxlen=_READINGS)
         self._mounts: deque[Reading] = deque(maxlen=_READINGS)
         self._battery: tuple[float, float] | None = None
