@@ -72,6 +72,15 @@ def test_other_processing_times_land_too():
     assert sum(record.observation.learned for record in records) > 100  # detectors look at every frame they can
 
 
+@pytest.mark.parametrize("seed", [35, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (11, 12, 21, 32))])
+def test_from_afar_it_comes_slowly_enough_never_to_pass_the_deck(seed):
+    """Seeds in which the ship's boxes, or the change from them to the bar's, tell another range."""
+    records = []
+    fly_quietly(load_scenario("demo"), "horizon", "geometric", seed, records.append)
+    ahead_m = [record.truth.aircraft_in_bar_m[0] for record in records if record.truth is not None]
+    assert max(ahead_m) < -1.5  # m; the deck's centre lies 2.09 m astern of the bar
+
+
 def test_without_a_ship_it_searches_and_holds_and_says_so():
     none = {"range_m": [1.0, 400.0], "miss_rate": [1.0, 1.0], "centre_px": [1.0, 1.0], "area": [0.1, 0.1]}
     blind = {"ship": none, "bar": none}
