@@ -193,6 +193,15 @@ def test_a_disk_that_stalls_keeps_neither_set_points_nor_a_takeover() -> None:
     assert disk.written.count(b"\xfd") >= 3
 
 
+def test_a_disk_that_is_full_is_told_at_the_end(caplog: pytest.LogCaptureFixture) -> None:
+    for log, whole in ((Path("/dev/full"), False), (Path("/dev/null"), True)):
+        made = Session(Nowhere(), 245, 191, None, None, log.open("wb"), lambda *_: None)
+        feed(made, heartbeat(), 100.0)
+        made.link.close()
+        assert ("mavlink-log is not whole: No space left on device" in caplog.text) is not whole
+        caplog.clear()
+
+
 def test_a_second_batterys_charge_is_not_the_firsts() -> None:
     made = heard_session()
     for number, percent in ((0, 30), (1, 95)):
