@@ -340,6 +340,20 @@ def test_a_hand_over_is_a_change_and_a_takeover_is_for_good() -> None:
     assert (control.has(guided), control.lost) == (False, "the pilot took over: LOITER")
 
 
+@pytest.mark.parametrize("asking", [False, True])
+def test_an_autopilot_that_restarted_before_the_hand_over_is_not_ours(asking: bool) -> None:
+    """What was asked of it and read from it is of before: rates of telemetry, the gimbal, what sticks mean."""
+    loiter = AutopilotState(autopilot=ARDUPILOT, mode=5, armed=True)
+    again = replace(loiter, clock=replace(loiter.clock, restarts=1))
+    guided = replace(again, mode=4)
+    for connected in (loiter, again):
+        control = Control(80)
+        control.begin(connected, asking)
+        control.see(connected, again)
+        control.see(again, guided)
+        assert (control.has(guided), control.lost) == (False, "the autopilot has restarted")
+
+
 def test_a_vtol_in_forward_flight_is_not_ours() -> None:
     made, _ = session()
     feed(made, m.MAVLink_heartbeat_message(22, PX4, 129, 6 << 16, 4, 3), 100.0)
