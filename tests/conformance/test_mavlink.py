@@ -761,6 +761,20 @@ def test_a_second_vehicle_and_a_second_shipland_are_no_start(ids: tuple[int, int
         assert all(not check.ok and words in check.words for check in found)
 
 
+@pytest.mark.parametrize(("stated", "other", "fit"), [(None, 1, False), (1, 1, False), (1, 7, True)])
+def test_a_second_vehicle_from_another_address_is_no_start_unless_excluded(
+    stated: int | None, other: int, fit: bool
+) -> None:
+    with bench() as (vehicle, _, _):
+        vehicle._setup = replace(vehicle._setup, vehicle=stated)
+        vehicle.connect()
+        beat = dialect.MAVLink_heartbeat_message(2, 3, 129, 4, 4, 3)
+        vehicle.session.link.take(Codec(other, 1).encode(beat), "elsewhere:1", time.monotonic())
+        found = [check for check in vehicle.checks() if check.name == "one vehicle"]
+        assert all(not check.ok and "from two addresses" in check.words for check in found)
+        assert fit is not bool(found)
+
+
 def test_a_second_vehicle_with_the_same_system_id_is_no_start() -> None:
     with bench() as (vehicle, _, _):
         vehicle.connect()
