@@ -163,6 +163,28 @@ def test_a_hand_over_that_does_not_come_says_what_to_do() -> None:
         vehicle.open()
 
 
+@pytest.mark.parametrize(
+    ("end", "words"),
+    [
+        (lambda _, autopilot: autopilot.say("silent 60"), "link lost: no heartbeat for 1 s"),
+        (lambda vehicle, _: vehicle.session.link.port._process.kill(), "guard process of the link has ended"),
+        (lambda _, autopilot: autopilot.say("set GUID_OPTIONS 8"), "GUID_OPTIONS from 0 to 8"),
+    ],
+    ids=("silence", "guard", "parameter"),
+)
+def test_what_ends_a_flight_ends_the_wait_for_the_hand_over(
+    end: Callable[[MavlinkVehicle, StandIn], None], words: str
+) -> None:
+    with bench(engagement=Engagement(), link_timeout_s=1.0) as (vehicle, autopilot, _):
+        autopilot.say("mode 5")
+        vehicle.connect()
+        with opening(vehicle) as ended:
+            assert until(lambda: vehicle._opening)
+            end(vehicle, autopilot)
+            assert words in ended()
+        assert set_points(autopilot) == 0
+
+
 def test_a_mode_without_a_velocity_loop_is_no_start_for_speeds() -> None:
     port = free_port(socket.SOCK_DGRAM)
     autopilot = StandIn(port, "ardupilot")

@@ -162,7 +162,7 @@ class Session:
         self.ask(dialect.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE, *self.link.own, -1, -1, timeout_s=_STREAM_ANSWER_S)
         self.wait(lambda state: math.isfinite(state.attitude_t_s), timeout_s, "no attitude from the vehicle")
 
-    def wait(self, until: Callable[[AutopilotState], bool], timeout_s: float, otherwise: str) -> None:
+    def wait(self, until: Callable[[AutopilotState], object], timeout_s: float, otherwise: str) -> None:
         """Wait for the state to become something; VehicleError says what did not come."""
         wait_until(lambda: until(self.state), timeout_s, lambda: otherwise)
 
@@ -176,7 +176,7 @@ class Session:
         values = [*map(float, parameters), *[0.0] * (7 - len(parameters))]
         return self.link.send(dialect.MAVLink_command_long_message(self.link.vehicle, AUTOPILOT, number, 0, *values))
 
-    def ask(self, number: int, *parameters: float, timeout_s: float = 3.0, unless: Callable[[], bool] = _never) -> int:
+    def ask(self, number: int, *parameters: float, timeout_s: float = 3.0, unless: Callable[[], object] = _never) -> int:
         """Send a command and wait for its MAV_RESULT, sending again each second.
 
         Args:
@@ -202,7 +202,7 @@ class Session:
             time.sleep(0.01)
         return -1
 
-    def ask_guided(self, unless: Callable[[], bool]) -> int:
+    def ask_guided(self, unless: Callable[[], object]) -> int:
         """Ask for the mode that obeys us; see `ask`."""
         return self.ask(_SET_MODE, 1, *modes_of(self.state).guided, unless=unless)
 
