@@ -23,6 +23,7 @@ from shipland.errors import VehicleError
 from shipland.messages import BarPose, Decision, FlightRecord, Intent, Observation, Override, PilotCommand
 from shipland.rig import Rig
 from shipland.stopping import stop_requests
+from shipland.vehicles import link_vehicle, pace
 from shipland.vehicles.mavlink import taking
 from shipland.vehicles.mavlink.checks import gimbal_check
 from shipland.vehicles.mavlink.dialect import Codec, dialect
@@ -750,6 +751,22 @@ def test_a_mode_that_a_person_chose_unheard_is_not_taken_away_by_our_end() -> No
         assert autopilot.report()["mode"] == 5
         vehicle.close()
         assert autopilot.report()["mode"] == 5
+
+
+@pytest.mark.parametrize(("mode", "left"), [(4, 17), (5, 5)])
+def test_no_mode_is_asked_for_before_a_heartbeat_after_the_machine_was_suspended(
+    mode: int, left: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.5, 20.0, 0.0, 0.0, 0.0)
+        autopilot.say("mute 0.2")
+        autopilot.say(f"mode {mode}")
+        for module in (pace, link_vehicle):
+            monkeypatch.setattr(module, "boot_s", lambda: time.monotonic() + 30.0)
+        assert not fly(vehicle, 3.0, 20.0, 0.0, 0.0, 0.0)
+        vehicle.close()
+        assert autopilot.report()["mode"] == left
 
 
 def test_a_parameter_that_changes_what_sticks_mean_ends_the_flight_in_a_hold() -> None:

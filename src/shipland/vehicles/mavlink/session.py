@@ -84,6 +84,8 @@ class Session:
         """The newest; replaced as a whole by the receiving thread."""
         self.refused = 0
         """Sound messages with impossible values."""
+        self.awake_s = -math.inf
+        """Until when this process last stood still: what came meanwhile is not read yet, and the mode not known."""
         self._lock = threading.Lock()
         self._attitudes: deque[Reading] = deque(maxlen=_HISTORY)
         self._mounts: deque[Reading] = deque(maxlen=_HISTORY)
@@ -171,12 +173,15 @@ class Session:
 
         A mode is asked for only while the present one is known: a person may have chosen another since.
         """
-        if number == _SET_MODE and not mode_known(self.state, time.monotonic()):
+        state = self.state
+        if number == _SET_MODE and not (mode_known(state, time.monotonic()) and state.heartbeat_s > self.awake_s):
             return False
         values = [*map(float, parameters), *[0.0] * (7 - len(parameters))]
         return self.link.send(dialect.MAVLink_command_long_message(self.link.vehicle, AUTOPILOT, number, 0, *values))
 
-    def ask(self, number: int, *parameters: float, timeout_s: float = 3.0, unless: Callable[[], object] = _never) -> int:
+    def ask(
+        self, number: int, *parameters: float, timeout_s: float = 3.0, unless: Callable[[], object] = _never
+    ) -> int:
         """Send a command and wait for its MAV_RESULT, sending again each second.
 
         Args:

@@ -65,7 +65,7 @@ class MavlinkVehicle(SetpointVehicle):
         self._control = Control(self._parameters.stick_takeover_us, self._parameters.kind == "velocity")
         self._opening = False
         self._hand_overs, self._handed_s = 0, -math.inf
-        self._beat_s = self._asked_s = self._asked_heartbeat_s = self._awake_s = -math.inf
+        self._beat_s = self._asked_s = self._asked_heartbeat_s = -math.inf
         self._response: Response | None = None
         self._limits: VehicleLimits | None = None
         self._told: Mapping[str, float] = {}
@@ -234,8 +234,8 @@ class MavlinkVehicle(SetpointVehicle):
             self._asked_heartbeat_s = now_s
             session.ask_heartbeat()
         if step_s > self._parameters.setpoint_gap_s:
-            self._awake_s = now_s  # what came while this process stood still is not read yet
-        unheard_s = now_s - max(state.heartbeat_s, self._awake_s)
+            session.awake_s = now_s
+        unheard_s = now_s - max(state.heartbeat_s, session.awake_s)
         if self._opening and unheard_s > self._parameters.link_timeout_s:
             control.lose(f"link lost: no heartbeat for {self._parameters.link_timeout_s:g} s")
             self._end_if_lost()
