@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from typing import IO, Any, Generic, TypeVar
+
+_log = logging.getLogger(__name__)
 
 Thing = TypeVar("Thing")
 _MOST_ENTRIES, _LOG_CLOSE_S = 10_000, 2.0
@@ -96,9 +98,14 @@ class LogAside(Aside[Thing]):
         self._file = file
 
     def close(self, timeout_s: float | None = _LOG_CLOSE_S) -> bool:
-        """See `Aside`; a file that is still written to stays open."""
+        """See `Aside`; a file that is still written to stays open. What is missing of it is a warning."""
         done = super().close(timeout_s)
         if done:
-            with suppress(OSError):
+            try:
                 self._file.close()
+            except OSError as error:
+                self.error = self.error or error
+        if self.lost or self.error is not None:
+            words = getattr(self.error, "strerror", None) or self.error or f"{self.lost} entries left out"
+            _log.warning("%s is not whole: %s", self._thread.name, words)
         return done

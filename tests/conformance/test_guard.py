@@ -311,6 +311,25 @@ def test_what_a_person_gave_to_another_while_our_process_stood_still_is_not_flow
     assert set_points(autopilot.report()) == set_points(before)
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_person_who_took_over_while_the_machine_stood_still_is_left_alone(flying: Flight, order: int) -> None:
+    """Heartbeats of our mode, from before, wait for the guard when it wakes."""
+    process, autopilot, _ = flying
+    guard = int(Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text())
+    for pid in (process.pid, guard):
+        os.kill(pid, signal.SIGSTOP)
+    time.sleep(SILENCE_S + 0.5)
+    autopilot.say(f"mode {LOITER}")
+    time.sleep(0.5)
+    for pid in (process.pid, guard)[::order]:
+        os.kill(pid, signal.SIGCONT)
+        time.sleep(0.02)
+    assert process.stdout is not None
+    assert "the pilot took over: LOITER" in process.stdout.readline()
+    time.sleep(1.0)
+    assert autopilot.report()["mode"] == LOITER
+
+
 def test_what_waited_for_a_guard_that_stood_still_is_not_sent() -> None:
     with bench() as (vehicle, autopilot, _):
         vehicle.open()

@@ -23,6 +23,7 @@ from shipland.errors import VehicleError
 from shipland.messages import BarPose, Decision, FlightRecord, Intent, Observation, Override, PilotCommand
 from shipland.rig import Rig
 from shipland.stopping import stop_requests
+from shipland.vehicles import link_vehicle, pace
 from shipland.vehicles.mavlink import taking
 from shipland.vehicles.mavlink.checks import gimbal_check
 from shipland.vehicles.mavlink.dialect import Codec, dialect
@@ -161,6 +162,28 @@ def test_a_hand_over_that_does_not_come_says_what_to_do() -> None:
     said = pytest.raises(VehicleError, match="GUIDED already: switch out of it and back")
     with bench(engagement=Engagement(), engage_timeout_s=0.5) as (vehicle, _, _), said:
         vehicle.open()
+
+
+@pytest.mark.parametrize(
+    ("end", "words"),
+    [
+        (lambda _, autopilot: autopilot.say("silent 60"), "link lost: no heartbeat for 1 s"),
+        (lambda vehicle, _: vehicle.session.link.port._process.kill(), "guard process of the link has ended"),
+        (lambda _, autopilot: autopilot.say("set GUID_OPTIONS 8"), "GUID_OPTIONS from 0 to 8"),
+    ],
+    ids=("silence", "guard", "parameter"),
+)
+def test_what_ends_a_flight_ends_the_wait_for_the_hand_over(
+    end: Callable[[MavlinkVehicle, StandIn], None], words: str
+) -> None:
+    with bench(engagement=Engagement(), link_timeout_s=1.0) as (vehicle, autopilot, _):
+        autopilot.say("mode 5")
+        vehicle.connect()
+        with opening(vehicle) as ended:
+            assert until(lambda: vehicle._opening)
+            end(vehicle, autopilot)
+            assert words in ended()
+        assert set_points(autopilot) == 0
 
 
 def test_a_mode_without_a_velocity_loop_is_no_start_for_speeds() -> None:
@@ -730,6 +753,22 @@ def test_a_mode_that_a_person_chose_unheard_is_not_taken_away_by_our_end() -> No
         assert autopilot.report()["mode"] == 5
 
 
+@pytest.mark.parametrize(("mode", "left"), [(4, 17), (5, 5)])
+def test_no_mode_is_asked_for_before_a_heartbeat_after_the_machine_was_suspended(
+    mode: int, left: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.5, 20.0, 0.0, 0.0, 0.0)
+        autopilot.say("mute 0.2")
+        autopilot.say(f"mode {mode}")
+        for module in (pace, link_vehicle):
+            monkeypatch.setattr(module, "boot_s", lambda: time.monotonic() + 30.0)
+        assert not fly(vehicle, 3.0, 20.0, 0.0, 0.0, 0.0)
+        vehicle.close()
+        assert autopilot.report()["mode"] == left
+
+
 def test_a_parameter_that_changes_what_sticks_mean_ends_the_flight_in_a_hold() -> None:
     """With GUID_OPTIONS = 8 the thrust that asks for a descent is a thrust far below the weight."""
     with bench() as (vehicle, autopilot, _):
@@ -759,6 +798,20 @@ def test_a_second_vehicle_and_a_second_shipland_are_no_start(ids: tuple[int, int
         found = [check for check in vehicle.checks() if check.name.startswith("one ")]
         assert [check.name for check in found] == ([name] if name else [])
         assert all(not check.ok and words in check.words for check in found)
+
+
+@pytest.mark.parametrize(("stated", "other", "fit"), [(None, 1, False), (1, 1, False), (1, 7, True)])
+def test_a_second_vehicle_from_another_address_is_no_start_unless_excluded(
+    stated: int | None, other: int, fit: bool
+) -> None:
+    with bench() as (vehicle, _, _):
+        vehicle._setup = replace(vehicle._setup, vehicle=stated)
+        vehicle.connect()
+        beat = dialect.MAVLink_heartbeat_message(2, 3, 129, 4, 4, 3)
+        vehicle.session.link.take(Codec(other, 1).encode(beat), "elsewhere:1", time.monotonic())
+        found = [check for check in vehicle.checks() if check.name == "one vehicle"]
+        assert all(not check.ok and "from two addresses" in check.words for check in found)
+        assert fit is not bool(found)
 
 
 def test_a_second_vehicle_with_the_same_system_id_is_no_start() -> None:

@@ -1,5 +1,6 @@
 """The contract of `Vehicle`, held by everything that can be flown here."""
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from typing import Any
@@ -15,10 +16,12 @@ from shipland.rig import Rig
 from shipland.sim.ship.course import StraightCourse
 from shipland.sim.ship.ship import Ship
 from shipland.sim.wind import SteadyWind
+from shipland.vehicles import link_vehicle, pace
 from shipland.vehicles.delays import DelayParameters
 from shipland.vehicles.replay import Recorded, ReplayVehicle
 from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import Vehicle
+from waiting import until
 from worlds import natops, world
 
 Arrived = Callable[[], list[float]]
@@ -253,6 +256,18 @@ def test_a_closed_vehicle_is_at_its_end(make: Callable[[int], Vehicle]) -> None:
     assert vehicle.read() is None
     vehicle.send(PilotCommand.hold(9.0, 0.0))
     vehicle.close()
+
+
+@pytest.mark.parametrize("both", ["ardupilot", "px4", "anafi", "ros2"], indirect=True)
+def test_a_machine_that_was_suspended_in_flight_flies_no_further(both: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    vehicle, arrived = both(9)
+    vehicle.open()
+    assert len(cycles(vehicle, 30, 50.0, 0.0, 0.0, 0.0)) == 30
+    for module in (pace, link_vehicle):
+        monkeypatch.setattr(module, "boot_s", lambda: time.monotonic() + 30.0)
+    assert len(cycles(vehicle, 30, 50.0, 0.0, 0.0, 0.0)) < 3
+    assert "this machine was suspended for 30 s" in vehicle.end_reason
+    assert until(lambda: max(map(abs, arrived()), default=0.0) < 1e-6)
 
 
 @pytest.mark.parametrize("both", ["simulated", "ardupilot", "px4", "anafi", "ros2", "ros2-attitude"], indirect=True)

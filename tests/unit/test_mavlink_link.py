@@ -193,6 +193,15 @@ def test_a_disk_that_stalls_keeps_neither_set_points_nor_a_takeover() -> None:
     assert disk.written.count(b"\xfd") >= 3
 
 
+def test_a_disk_that_is_full_is_told_at_the_end(caplog: pytest.LogCaptureFixture) -> None:
+    for log, whole in ((Path("/dev/full"), False), (Path("/dev/null"), True)):
+        made = Session(Nowhere(), 245, 191, None, None, log.open("wb"), lambda *_: None)
+        feed(made, heartbeat(), 100.0)
+        made.link.close()
+        assert ("mavlink-log is not whole: No space left on device" in caplog.text) is not whole
+        caplog.clear()
+
+
 def test_a_second_batterys_charge_is_not_the_firsts() -> None:
     made = heard_session()
     for number, percent in ((0, 30), (1, 95)):
@@ -329,6 +338,20 @@ def test_a_hand_over_is_a_change_and_a_takeover_is_for_good() -> None:
     control.see(guided, loiter)
     control.see(loiter, guided)
     assert (control.has(guided), control.lost) == (False, "the pilot took over: LOITER")
+
+
+@pytest.mark.parametrize("asking", [False, True])
+def test_an_autopilot_that_restarted_before_the_hand_over_is_not_ours(asking: bool) -> None:
+    """What was asked of it and read from it is of before: rates of telemetry, the gimbal, what sticks mean."""
+    loiter = AutopilotState(autopilot=ARDUPILOT, mode=5, armed=True)
+    again = replace(loiter, clock=replace(loiter.clock, restarts=1))
+    guided = replace(again, mode=4)
+    for connected in (loiter, again):
+        control = Control(80)
+        control.begin(connected, asking)
+        control.see(connected, again)
+        control.see(again, guided)
+        assert (control.has(guided), control.lost) == (False, "the autopilot has restarted")
 
 
 def test_a_vtol_in_forward_flight_is_not_ours() -> None:

@@ -60,21 +60,39 @@ def test_what_is_not_known_of_a_pose_is_sent_as_a_huge_variance() -> None:
     assert np.array([message.x, message.y, message.z]) == pytest.approx(ned_from_bar @ PLACE_M, abs=1e-6)
 
 
+LEVEL = GimbalAttitude(0.0, 0.0)
+
+
+def flying(autopilot: int, sent: list) -> SimpleNamespace:
+    """A session at 1.2 s of an aircraft that was as `STATE` says at 1 s."""
+    place = {"north_m": STATE.north_m + 0.4, "east_m": STATE.east_m - 0.2, "down_m": STATE.down_m + 0.1}
+    moved = {"roll_rad": -0.3, "pitch_rad": 0.3, "velocity_t_s": 1.2, "velocity_in_ned_mps": (2.0, -1.0, 0.5)}
+    return SimpleNamespace(
+        state=replace(STATE, autopilot=autopilot, **moved, **place),
+        attitudes=[(0.9, 0.0, 0.0), (1.1, 2.0 * STATE.roll_rad, 2.0 * STATE.pitch_rad), (1.3, -0.3, 0.3)],
+        link=SimpleNamespace(send=sent.append),
+    )
+
+
 @pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
 def test_the_pad_is_told_from_where_the_aircraft_was_at_the_exposure(autopilot: int) -> None:
     """ArduPilot turns the vector back by its attitude of PLND_LAG ago; PX4 takes the place as it is."""
     sent: list = []
-    then = replace(STATE, autopilot=autopilot)
-    place = {"north_m": STATE.north_m + 0.4, "east_m": STATE.east_m - 0.2, "down_m": STATE.down_m + 0.1}
-    session = SimpleNamespace(
-        state=replace(
-            then, roll_rad=-0.3, pitch_rad=0.3, velocity_t_s=1.2, velocity_in_ned_mps=(2.0, -1.0, 0.5), **place
-        ),
-        attitudes=[(0.9, 0.0, 0.0), (1.1, 2.0 * STATE.roll_rad, 2.0 * STATE.pitch_rad), (1.3, -0.3, 0.3)],
-        link=SimpleNamespace(send=sent.append),
-    )
-    level = GimbalAttitude(0.0, 0.0)
-    assert not tell(session, Observation(1.0, level, reason="no cue"), MOUNTING)
-    assert tell(session, Observation(1.0, level, bar_pose=pose()), MOUNTING)
-    told, wanted = sent[0], landing_target(pose(), then, MOUNTING, 0)
+    session = flying(autopilot, sent)
+    assert not tell(session, Observation(1.0, LEVEL, reason="no cue"), MOUNTING)
+    assert tell(session, Observation(1.0, LEVEL, bar_pose=pose()), MOUNTING)
+    told, wanted = sent[0], landing_target(pose(), replace(STATE, autopilot=autopilot), MOUNTING, 0)
     assert (told.x, told.y, told.z) == pytest.approx((wanted.x, wanted.y, wanted.z), abs=1e-9)
+
+
+@pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
+def test_no_pad_is_told_from_a_place_or_an_attitude_that_stands_still(autopilot: int) -> None:
+    """Heartbeats and pictures go on; a PX4 without an origin has no place."""
+    sent: list = []
+    session = flying(autopilot, sent)
+    seen, later = (Observation(t_s, LEVEL, bar_pose=pose()) for t_s in (1.0, 1.6))
+    assert not tell(session, later, MOUNTING)
+    for place in ({"velocity_t_s": 0.7}, {"velocity_t_s": math.nan, "north_m": math.nan}):
+        session.state = replace(session.state, **place)
+        assert tell(session, seen, MOUNTING) is (autopilot == ARDUPILOT)
+    assert len(sent) == (2 if autopilot == ARDUPILOT else 0)

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import math
+import time
 from abc import ABC, abstractmethod
 from contextlib import ExitStack
 
 from shipland.errors import VehicleError
 from shipland.stopping import uninterrupted
+from shipland.vehicles.pace import boot_s
+
+_SUSPENDED_S = 1.0
+"""A machine that was suspended for longer has commanded nothing meanwhile, and what it knows is old."""
 
 
 class LinkVehicle(ABC):
@@ -16,6 +22,7 @@ class LinkVehicle(ABC):
         self._stack = ExitStack()
         """What is closed with the link."""
         self._connected = self._engaged = self._closed = False
+        self._suspended_s = math.nan
         self._end_reason = ""
 
     @property
@@ -45,7 +52,13 @@ class LinkVehicle(ABC):
             with uninterrupted():
                 self._stack.close()
             raise
-        self._connected = True
+        self._connected, self._suspended_s = True, boot_s() - time.monotonic()
+
+    @property
+    def _suspended(self) -> str:
+        """That the machine was suspended since it was connected, in words; empty where it was not."""
+        lost_s = boot_s() - time.monotonic() - self._suspended_s
+        return f"this machine was suspended for {lost_s:.0f} s; the vehicle holds" if lost_s > _SUSPENDED_S else ""
 
     def open(self) -> None:
         """Connect, and take the vehicle as far as that was allowed; VehicleError when it does not come to us."""

@@ -19,6 +19,11 @@ _KEPT = 100_000
 """Latenesses that are kept: over half an hour at 50 Hz."""
 
 
+def boot_s() -> float:
+    """Time since the machine started [s]; `time.monotonic` stands still while it is suspended, and this does not."""
+    return time.clock_gettime(getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
+
+
 class Pace:
     """Calls `do(step_s)` every 1/`rate_hz` from a thread of its own; a turn that is missed is left out.
 
@@ -64,10 +69,10 @@ class Pace:
 
     def _take_turns(self) -> None:
         due_s, known = time.monotonic(), set[type[Exception]]()
-        last_s = due_s
+        last_s = boot_s()
         while not self._stopping.is_set():
-            now_s = time.monotonic()
-            self.late_s.append(now_s - due_s)
+            self.late_s.append(time.monotonic() - due_s)
+            now_s = boot_s()
             try:
                 self._do(now_s - last_s)
             except Exception as error:  # the next turn must come

@@ -130,9 +130,14 @@ class SetpointVehicle(LinkVehicle):
             raise VehicleError(f"no picture from the camera: {self._stream.problem or silent}")
 
     def _start_set_points(self, name: str, first: First = "thread") -> None:
-        pace = self._pace = Pace(self._tick, self._parameters.setpoint_hz, name, first)
+        pace = self._pace = Pace(self._turn, self._parameters.setpoint_hz, name, first)
         self._stack.callback(pace.stop)
         pace.start()
+
+    def _turn(self, step_s: float) -> None:
+        if self._engaged and (words := self._suspended):
+            self._end(words)
+        self._tick(step_s)
 
     def _begin(self) -> None:
         """The flight begins."""

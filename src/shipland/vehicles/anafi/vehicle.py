@@ -173,7 +173,13 @@ class AnafiVehicle(LinkVehicle):
         return news or self._closed or bool(self._end_reason)
 
     def _is_silent(self) -> bool:
-        """No event of the aircraft for too long ends the flight; pictures come another way and say nothing of it."""
+        """No event of the aircraft for too long ends the flight; pictures come another way and say nothing of it.
+
+        So does a machine that was suspended.
+        """
+        if words := self._suspended:
+            self._end(words, "the ANAFI itself (holds)", yielded=True)
+            return True
         timeout_s = self._parameters.link_timeout_s
         if time.monotonic() - self._heard_s <= timeout_s:
             return False

@@ -97,7 +97,10 @@ def _others(session: Session, setup: MavlinkSetup) -> list[Check]:
     """Whoever else is heard and makes it doubtful which vehicle is flown, or by whom."""
     link, lines = session.link, list[Check]()
     vehicles = sorted(system for system, component in link.others if component == dialect.MAV_COMP_ID_AUTOPILOT1)
-    if vehicles and setup.vehicle is None:
+    if link.vehicle in vehicles:
+        words = f"system {link.vehicle} speaks from two addresses: two vehicles, or one by two ways; let one come here"
+        lines.append(Check("one vehicle", False, words))
+    elif vehicles and setup.vehicle is None:
         words = ", ".join(map(str, vehicles))
         words = f"also heard: system {words}; which is flown is left to chance: state ?system="
         lines.append(Check("one vehicle", False, words))

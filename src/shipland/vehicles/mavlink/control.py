@@ -13,8 +13,9 @@ class Control:
     """The hand-over and the takeover; given every state by the receiving thread, asked at every set-point.
 
     Control begins with the guided mode: set by the operator after `begin`, or requested by us. From then on another
-    mode, a moved stick, stopped motors or a restart ends it, whatever mode comes later. The autopilot's own landing is
-    no other mode once we have asked for it.
+    mode, a moved stick or stopped motors end it, whatever mode comes later. The autopilot's own landing is no other
+    mode once we have asked for it. An autopilot that has restarted since we connected is never ours: what was asked of
+    it and read from it was lost.
 
     Args:
         stick_takeover_us: a stick moved by more takes over.
@@ -67,13 +68,13 @@ class Control:
         if not self.lands(before) and after.denied(asked, before.answers(asked)):
             self.hands_over = False
         ours = self.obeys(after) or self.lands(after)
-        if not self.granted:
+        if after.clock.restarts:
+            self.lose("the autopilot has restarted")
+        elif not self.granted:
             self._hand_over.see(ours)
             self.granted = self._hand_over.given
             if not ours and self._asked_in not in (None, after.mode):
                 self.lose(f"the pilot took over: {mode_name(after)}")
-        elif after.clock.restarts != before.clock.restarts:
-            self.lose("the autopilot has restarted")
         elif before.armed and not after.armed:
             self.lose(MOTORS_STOPPED)
         elif not ours or (self.lands(before) and not self.lands(after)):

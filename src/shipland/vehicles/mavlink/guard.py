@@ -17,7 +17,7 @@ _ASKS = 3
 """Number of requests for the holding mode."""
 _ASK_S = 0.8
 """Time between two requests: below a second, the time between two heartbeats."""
-_FRESH_S = 0.1
+FRESH_S = 0.1
 """Largest age of a heartbeat that shows the present mode."""
 _ALONE_S = 5.0
 """Time for which the guard outlives our process: enough for every request and its answer."""
@@ -78,7 +78,7 @@ class Guard:
         self._level: list[float] | None = None
         """Quaternion of the last commanded heading."""
         self._heard_s = -math.inf
-        """Newest heartbeat."""
+        """Newest heartbeat that did not wait for us."""
         self._set_point_s: float | None = None
         """Newest set-point of ours that was obeyed; None: nothing to guard."""
         self._gone_s: float | None = None
@@ -105,14 +105,17 @@ class Guard:
                 if (norm := math.hypot(w, z)) > 0.0:
                     self._level = [w / norm, 0.0, 0.0, z / norm]
 
-    def hear_vehicle(self, data: bytes, now_s: float) -> None:
-        """What came from the vehicle; a mode that is not ours ends the watch."""
+    def hear_vehicle(self, data: bytes, now_s: float, waited: bool = False) -> None:
+        """What came from the vehicle; a mode that is not ours ends the watch.
+
+        What `waited` while this process stood still may not be the present mode.
+        """
         for message in self._codec.decode_some(data, self._stream)[0]:
             sender = message.get_srcSystem(), message.get_srcComponent()
             if message.get_type() != "HEARTBEAT" or sender != (self._orders.vehicle, dialect.MAV_COMP_ID_AUTOPILOT1):
                 continue
             armed = message.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED
-            self._heard_s = now_s
+            self._heard_s = self._heard_s if waited else now_s
             self._hold = self._holds.get(message.custom_mode & self._orders.mode_mask) if armed else None
             if self._hold is None and self._set_point_s is not None:
                 self.taken = now_s - self._set_point_s > self._orders.gap_s
@@ -152,7 +155,7 @@ class Guard:
             messages.append(self._beat)
         silent = self._gone_s is not None or now_s - self._set_point_s >= self._orders.silence_s
         # only straight after a heartbeat of our mode: a mode that a person chose since must not be taken away
-        if silent and heard_ago_s < _FRESH_S and self._asks < _ASKS and now_s - self._ask_s >= _ASK_S:
+        if silent and heard_ago_s < FRESH_S and self._asks < _ASKS and now_s - self._ask_s >= _ASK_S:
             self._asks, self._ask_s = self._asks + 1, now_s
             messages.append(self._ask)
         return [self._codec.encode(message) for message in messages]

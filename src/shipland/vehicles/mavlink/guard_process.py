@@ -25,7 +25,7 @@ import time
 from contextlib import suppress
 
 from shipland.errors import VehicleError
-from shipland.vehicles.mavlink.guard import Guard, Orders
+from shipland.vehicles.mavlink.guard import FRESH_S, Guard, Orders
 from shipland.vehicles.mavlink.ports import Place, Port, Sender
 from shipland.vehicles.priority import go_first
 
@@ -36,6 +36,9 @@ _GOODBYE_S = 2.0
 _LATE_S = 0.5
 """A message of ours that has waited for longer is not sent: a line that is slow, or a process that stood still, would
 fly what was decided for another time."""
+_TURN_S = 0.05
+"""Longest turn of the process. One that takes longer than a heartbeat is fresh has stood still, as a machine that is
+suspended or starved does: what waits then is old."""
 _HEAD = struct.Struct("<cdB")
 
 
@@ -146,13 +149,16 @@ class _Relay:
             self._poll.register(end.fileno(), select.POLLIN)
         self._guard: Guard | None = None
         self._peer = ""
-        self._gone = self._reported = False
+        self._gone = self._reported = self._backlog = False
 
     def run(self) -> None:
         """Until our process has gone and nothing is left to hold."""
+        turn_s = time.monotonic()
         while not (self._gone and (self._guard is None or self._guard.over(time.monotonic()))):
-            due_s = 1.0 if self._guard is None else self._guard.due_s() - time.monotonic()
-            ready = {number for number, _ in self._poll.poll(1e3 * min(max(0.0, due_s), 1.0))}
+            due_s = _TURN_S if self._guard is None else self._guard.due_s() - time.monotonic()
+            ready = {number for number, _ in self._poll.poll(1e3 * min(max(0.0, due_s), _TURN_S))}
+            late_s, turn_s = time.monotonic() - turn_s, time.monotonic()
+            self._backlog = late_s > FRESH_S or (self._backlog and self._port.fileno() in ready)
             self._tell()  # before the vehicle's next message, which may report the mode that we requested
             if self._port.fileno() in ready:
                 self._from_vehicle()
@@ -173,7 +179,7 @@ class _Relay:
             with suppress(OSError):  # our process hangs, or has gone
                 self._ours.send(_message_record(peer, data))
             if self._guard is not None and peer == self._peer:
-                self._guard.hear_vehicle(data, time.monotonic())
+                self._guard.hear_vehicle(data, time.monotonic(), self._backlog)
 
     def _from_us(self) -> None:
         try:

@@ -18,6 +18,8 @@ from shipland.vehicles.told import told_covariance
 
 _LEAST_STD_M, _LEAST_STD_RAD = 0.02, 0.01
 """Least standard deviations that are sent: an outlier that is believed costs more than a wait."""
+_OLD_S = 0.2
+"""Nothing is sent of an exposure that comes later than this after the newest attitude, or a PX4's newest place."""
 _LEVEL_STD_RAD = 0.02
 """Standard deviation of roll and pitch, which are the autopilot's own."""
 
@@ -77,10 +79,15 @@ def position_estimate(pose: BarPose, state: AutopilotState, mounting: Mounting, 
     )  # fmt: skip
 
 
-def _at_exposure(session: Session, state: AutopilotState, t_s: float) -> AutopilotState:
-    """The state with attitude and place of another time; the heading stays, for it turns slowly."""
-    body, _ = gimbal_at(t_s, session.attitudes, (), 0.0)  # a camera fixed along the body has its attitude
+def _at_exposure(session: Session, state: AutopilotState, t_s: float) -> AutopilotState | None:
+    """The state with attitude and place of another time; None where they had stood still, or are not known, by then.
+
+    The heading stays, for it turns slowly.
+    """
+    body, age_s = gimbal_at(t_s, session.attitudes, (), 0.0)  # a camera fixed along the body has its attitude
     since_s, (north, east, down) = t_s - state.velocity_t_s, state.velocity_in_ned_mps
+    if age_s > _OLD_S or (state.autopilot == PX4 and not since_s <= _OLD_S):
+        return None
     return replace(
         state,
         roll_rad=body.roll_rad,
@@ -94,9 +101,9 @@ def _at_exposure(session: Session, state: AutopilotState, t_s: float) -> Autopil
 def tell(session: Session, seen: Observation, mounting: Mounting, with_position: bool = False) -> bool:
     """Send what was seen of the pad, from where the aircraft was at the exposure; whether there was anything."""
     state = session.state
-    if seen.bar_pose is None or not math.isfinite(state.heading_rad):
-        return False
     exposed = _at_exposure(session, state, seen.t_s)
+    if seen.bar_pose is None or exposed is None:
+        return False
     # the autopilot's clock: what it has said of it, and the exposure's age since
     exposed_us = int(1e6 * max(0.0, state.clock.boot_s - (time.monotonic() - seen.t_s)))
     session.link.send(landing_target(seen.bar_pose, exposed, mounting, exposed_us))

@@ -84,6 +84,8 @@ class Session:
         """The newest; replaced as a whole by the receiving thread."""
         self.refused = 0
         """Sound messages with impossible values."""
+        self.awake_s = -math.inf
+        """Until when this process last stood still: what came meanwhile is not read yet, and the mode not known."""
         self._lock = threading.Lock()
         self._attitudes: deque[Reading] = deque(maxlen=_HISTORY)
         self._mounts: deque[Reading] = deque(maxlen=_HISTORY)
@@ -162,7 +164,7 @@ class Session:
         self.ask(dialect.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE, *self.link.own, -1, -1, timeout_s=_STREAM_ANSWER_S)
         self.wait(lambda state: math.isfinite(state.attitude_t_s), timeout_s, "no attitude from the vehicle")
 
-    def wait(self, until: Callable[[AutopilotState], bool], timeout_s: float, otherwise: str) -> None:
+    def wait(self, until: Callable[[AutopilotState], object], timeout_s: float, otherwise: str) -> None:
         """Wait for the state to become something; VehicleError says what did not come."""
         wait_until(lambda: until(self.state), timeout_s, lambda: otherwise)
 
@@ -171,12 +173,15 @@ class Session:
 
         A mode is asked for only while the present one is known: a person may have chosen another since.
         """
-        if number == _SET_MODE and not mode_known(self.state, time.monotonic()):
+        state = self.state
+        if number == _SET_MODE and not (mode_known(state, time.monotonic()) and state.heartbeat_s > self.awake_s):
             return False
         values = [*map(float, parameters), *[0.0] * (7 - len(parameters))]
         return self.link.send(dialect.MAVLink_command_long_message(self.link.vehicle, AUTOPILOT, number, 0, *values))
 
-    def ask(self, number: int, *parameters: float, timeout_s: float = 3.0, unless: Callable[[], bool] = _never) -> int:
+    def ask(
+        self, number: int, *parameters: float, timeout_s: float = 3.0, unless: Callable[[], object] = _never
+    ) -> int:
         """Send a command and wait for its MAV_RESULT, sending again each second.
 
         Args:
@@ -202,7 +207,7 @@ class Session:
             time.sleep(0.01)
         return -1
 
-    def ask_guided(self, unless: Callable[[], bool]) -> int:
+    def ask_guided(self, unless: Callable[[], object]) -> int:
         """Ask for the mode that obeys us; see `ask`."""
         return self.ask(_SET_MODE, 1, *modes_of(self.state).guided, unless=unless)
 

@@ -26,7 +26,10 @@ _TAKE_OFF_S = 30.0
 
 
 class Taking:
-    """Waits for the guided mode or asks for it, arms, and takes off at `climb_mps` or more, as far as allowed."""
+    """Waits for the guided mode or asks for it, arms, and takes off at `climb_mps` or more, as far as allowed.
+
+    It is given up where control is lost, or where `ended` says why the flight is over.
+    """
 
     def __init__(
         self,
@@ -34,9 +37,9 @@ class Taking:
         control: Control,
         parameters: MavlinkParameters,
         climb_mps: float,
-        closed: Callable[[], bool],
+        ended: Callable[[], str],
     ) -> None:
-        self._session, self._control, self._climb_mps, self._closed = session, control, climb_mps, closed
+        self._session, self._control, self._climb_mps, self._ended = session, control, climb_mps, ended
         self._timeout_s = parameters.engage_timeout_s
         self.climbing = False
         """In our own take-off."""
@@ -73,12 +76,13 @@ class Taking:
         state = self._session.state
         return hand_over_words(modes_of(state).guided_name, mode_name(state), self._control.obeys(state))
 
-    def _over(self) -> bool:
-        return bool(self._control.lost) or self._closed()
+    def _over(self) -> str:
+        """Why the flight is over, in words; empty while it is not."""
+        return self._control.lost or self._ended()
 
     def _refuse_if_over(self) -> None:
-        if self._over():
-            raise VehicleError(self._control.lost or "the flight was ended here")
+        if words := self._over():
+            raise VehicleError(words)
 
     def _wait(self, until: Callable[[AutopilotState], bool], timeout_s: float, otherwise: str) -> None:
         """As `Session.wait`, while control is ours."""

@@ -65,7 +65,7 @@ class MavlinkVehicle(SetpointVehicle):
         self._control = Control(self._parameters.stick_takeover_us, self._parameters.kind == "velocity")
         self._opening = False
         self._hand_overs, self._handed_s = 0, -math.inf
-        self._beat_s = self._asked_s = self._asked_heartbeat_s = self._awake_s = -math.inf
+        self._beat_s = self._asked_s = self._asked_heartbeat_s = -math.inf
         self._response: Response | None = None
         self._limits: VehicleLimits | None = None
         self._told: Mapping[str, float] = {}
@@ -111,7 +111,7 @@ class MavlinkVehicle(SetpointVehicle):
         self._response = response_within(parameters, limits, autopilot, self._setup.response_table)
         hover = limits.hover_throttle or parameters.hover_throttle
         climb_mps = self._response.max_climb_mps
-        self._taking = Taking(session, self._control, parameters, climb_mps, lambda: self._closed)
+        self._taking = Taking(session, self._control, parameters, climb_mps, self._ended)
         self._motors = MotorStop(session, parameters, self._setup.touchdown, hover)
         self._press_mps = min(self._setup.touchdown.press_mps, limits.down_mps)
         hz, gap_s, silence_s = parameters.setpoint_hz, parameters.setpoint_gap_s, parameters.link_timeout_s
@@ -120,6 +120,9 @@ class MavlinkVehicle(SetpointVehicle):
         self._await_picture(self._setup.open_timeout_s, "it keeps silent")
         self._stack.callback(session.link.port.watch, None)  # once the set-points have stopped
         self._start_set_points("mavlink-set-points", parameters.goes_first)
+
+    def _ended(self) -> str:
+        return self._end_reason or ("the flight was ended here" if self._closed else "")
 
     def _engage(self) -> None:
         self._opening = True
@@ -231,9 +234,9 @@ class MavlinkVehicle(SetpointVehicle):
             self._asked_heartbeat_s = now_s
             session.ask_heartbeat()
         if step_s > self._parameters.setpoint_gap_s:
-            self._awake_s = now_s  # what came while this process stood still is not read yet
-        unheard_s = now_s - max(state.heartbeat_s, self._awake_s)
-        if control.granted and unheard_s > self._parameters.link_timeout_s:
+            session.awake_s = now_s
+        unheard_s = now_s - max(state.heartbeat_s, session.awake_s)
+        if self._opening and unheard_s > self._parameters.link_timeout_s:
             control.lose(f"link lost: no heartbeat for {self._parameters.link_timeout_s:g} s")
             self._end_if_lost()
         if control.by_sticks:
