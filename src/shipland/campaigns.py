@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy.typing as npt
 
+from shipland import factories
 from shipland.api import checked_factory, checked_seed
 from shipland.compiled import say_that_it_compiles
 from shipland.config import setting
@@ -219,7 +220,7 @@ def campaign(
         command: command line to write down.
 
     Raises:
-        ConfigError: a wrong scenario, name, setting or machine; or `out` with a pilot that stands in no file.
+        ConfigError: a wrong scenario, name, setting or machine; or `out` with a pilot that no file holds by name.
         DataError: the folder holds rows of other code, configuration or weights, or cannot be written; workers die; or
             not one flight came to its end.
     """
@@ -250,6 +251,10 @@ def campaign(
     laid_over = None if config is None else Path(config)
     cells = cells_of(entries, Overrides(pilots, changes, laid_over, _several(only)))
     folder = None if out is None else Path(out)
+    if folder is not None:
+        for cell in cells:
+            _check_named("pilots", cell.pilot)
+            _check_named("visions", cell.vision)
     seeds = range(first_seed, first_seed + runs) if salt is None else sealed_seeds(Path(salt), first_seed, runs)
     plan = CampaignPlan(cells, seeds, folder, words, command, logs)
     found = fly_plan(plan, workers, cluster, time_limit_s, progress)
@@ -276,6 +281,25 @@ def fly_plan(
             f"not one flight came to its end; {found.lost[0].cell}, seed {found.lost[0].seed}: {found.lost[0].reason}"
         )
     return found
+
+
+def _check_named(group: str, given: str | Factory) -> None:
+    """ConfigError where another factory may have the same name: what is kept under that name would be taken for both.
+
+    So have lambdas, functions within functions, partial functions and objects: their names leave out what is in them.
+    """
+    if isinstance(given, str):
+        return
+    name = factories.name_of(given)
+    module, _, path = name.partition(":")
+    found: Any = sys.modules.get(module)
+    for part in path.split("."):
+        found = getattr(found, part, None)
+    if found != given:
+        raise ConfigError(
+            f"{name}, of the {group}, is not the only one of that name, and a folder keeps rows by name; "
+            "write a function or a class of its own at the top of a file, or give no folder"
+        )
 
 
 def _several(given: Any) -> tuple[Any, ...]:  # noqa: ANN401 - one, or several one by one

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -141,6 +142,30 @@ def test_an_argument_of_no_use_is_refused_in_words(made_up, wrong, words):
         grid(**wrong)
     with pytest.raises(ConfigError, match="nothing to fly"):
         shipland.campaign([])
+
+
+def choosing(setup, pilot):
+    return pilot(setup)
+
+
+class Choosing:
+    def __init__(self, pilot):
+        self.pilot = pilot
+
+    def __call__(self, setup):
+        return self.pilot(setup)
+
+
+def test_a_folder_takes_no_pilots_that_share_a_name(made_up, tmp_path):
+    def within(setup):
+        return paper(setup)
+
+    for shared in (partial(choosing, pilot=paper), Choosing(paper), within, lambda setup: paper(setup)):
+        with pytest.raises(ConfigError, match="is not the only one of that name, and a folder keeps rows by name"):
+            grid(pilot=shared, out=tmp_path)
+        assert len(grid(pilot=shared).rows) == 8  # without a folder they fly
+    with pytest.raises(ConfigError, match="of the visions, is not the only one"):
+        grid(vision=shipland.without_pictures(lambda _: None), out=tmp_path)
 
 
 def test_pilots_and_campaigns_are_compared_seed_by_seed(made_up):
