@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import logging
+import operator
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from shipland import factories
 from shipland.compiled import say_that_it_compiles
+from shipland.errors import ConfigError
 from shipland.factories import Factory
 from shipland.flight import fly as fly_loop
 from shipland.frames import Array
@@ -113,7 +115,7 @@ def fly(
         scenario: a scenario, a packaged one's name, or the path of a TOML file.
         pilot: a name (`paper`, an entry point's, `module:factory`) or a function from `PilotSetup` to a pilot.
         vision: likewise, from `VisionSetup`; `rendered` looks at drawn pictures, `geometric` needs none.
-        seed: the same seed gives the same flight.
+        seed: 0 or more; the same seed gives the same flight.
         out: folder for the log, the video, the plots and the figures; None leaves nothing.
         video: whether the video is among them.
         on_cycle: sees every row as it is flown.
@@ -123,10 +125,11 @@ def fly(
         response: what full sticks mean, where `shipland identify` has measured it.
 
     Raises:
-        ShiplandError: a wrong scenario, name, output folder or machine.
+        ShiplandError: a wrong scenario, name, seed, output folder or machine.
     """
     scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
-    pictures = needs_pictures(factories.resolve("visions", vision))
+    checked_factory("pilots", pilot)
+    pictures, seed = needs_pictures(checked_factory("visions", vision)), checked_seed(seed)
     say_that_it_compiles()
     records: list[FlightRecord] = []
     with ExitStack() as stack:
@@ -171,6 +174,25 @@ def fly(
             recorder.finish(verdict, result.reason, {stage.value: cost for stage, cost in result.cost_s.items()})
     problems = () if recorder is None else tuple(recorder.problems)
     return Flight(result, verdict, scenario, tuple(records), problems, None if out is None else Path(out))
+
+
+def checked_seed(seed: Any) -> int:  # noqa: ANN401 - whatever a caller gives
+    """The seed, a whole number of Python's or NumPy's; ConfigError when it is none, or negative."""
+    try:
+        number = operator.index(seed)
+    except TypeError:
+        raise ConfigError(f"a seed must be a whole number, got {seed!r}") from None
+    if number < 0:
+        raise ConfigError(f"a seed must be 0 or more, got {number}")
+    return number
+
+
+def checked_factory(group: str, given: Any) -> Factory:  # noqa: ANN401
+    """As `factories.resolve`; ConfigError too where it is neither a name nor a factory."""
+    if not (isinstance(given, str) or callable(given)):
+        known = ", ".join(factories.names(group))
+        raise ConfigError(f"{given!r} is none of the {group}; expected a name ({known}), module:factory or a factory")
+    return factories.resolve(group, given)
 
 
 def _recorder(

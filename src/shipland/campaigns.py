@@ -5,16 +5,19 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterable
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy.typing as npt
 
+from shipland import factories
+from shipland.api import checked_factory, checked_seed
 from shipland.compiled import say_that_it_compiles
+from shipland.config import setting
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation.campaign import (
     CampaignPlan,
@@ -52,8 +55,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["Campaign", "CampaignProgress", "Comparison", "campaign", "load_suite"]
-
-One = TypeVar("One")
 
 
 @dataclass(frozen=True, repr=False)
@@ -174,16 +175,16 @@ class Campaign:
 
 
 def campaign(
-    scenario: Scenario | str | Path | Suite | Sequence[Scenario | str | Path] = "near",
+    scenario: Scenario | str | Path | Suite | Iterable[Scenario | str | Path] = "near",
     *,
-    pilot: str | Factory | Sequence[str | Factory] = "horizon",
+    pilot: str | Factory | Iterable[str | Factory] = "horizon",
     vision: str | Factory = "geometric",
     runs: int = 20,
     first_seed: int = 1,
-    salt: Path | None = None,
-    settings: str | Sequence[str] = (),
-    config: Path | None = None,
-    only: str | Sequence[str] = (),
+    salt: str | Path | None = None,
+    settings: str | Iterable[str] = (),
+    config: str | Path | None = None,
+    only: str | Iterable[str] = (),
     workers: int | None = None,
     cluster: str = "",
     out: str | Path | None = None,
@@ -195,7 +196,8 @@ def campaign(
 ) -> Campaign:
     """Fly every combination of scenarios, values and pilots on the same seeds.
 
-    Scripts and notebooks need no `__main__` guard, and pilots may be defined in them. Ctrl-C stops in order.
+    Scripts and notebooks need no `__main__` guard, and pilots may be defined in them. Ctrl-C stops in order with a
+    KeyboardInterrupt; without `out` what was flown is lost then.
 
     Args:
         scenario: as in `fly`; one or several, or a suite (`load_suite`).
@@ -212,28 +214,48 @@ def campaign(
         out: folder for rows, tables and the logs of flights that did not land; what it holds already is not flown
             again. None: the rows stay in memory.
         logs: keep the log of every flight.
-        time_limit_s: stop in order after so long [s]; 0: no limit.
+        time_limit_s: stop in order after so long [s] and give back what was flown; 0: no limit.
         oracle_motions: motions drawn for each oracle rate of the folder's tables; 0: none are drawn.
         progress: True shows a bar, False nothing; a function is called before the first flight and after each.
         command: command line to write down.
 
     Raises:
-        ConfigError: a wrong scenario, name, setting or machine; or `out` with a pilot that stands in no file.
+        ConfigError: a wrong scenario, name, setting or machine; or `out` with a pilot that no file holds by name.
         DataError: the folder holds rows of other code, configuration or weights, or cannot be written; workers die; or
             not one flight came to its end.
     """
-    if runs < 1 or first_seed < 0:
-        raise ConfigError(f"runs must be at least 1 and seeds 0 or more, got {runs} runs from seed {first_seed}")
+    first_seed, pilots, changes = checked_seed(first_seed), _several(pilot), _several(settings)
+    if runs < 1:
+        raise ConfigError(f"runs must be at least 1, got {runs}")
+    if workers is not None and workers < 0:
+        raise ConfigError(f"workers must be 0 or more, or None for one a core, got {workers}")
+    if not time_limit_s >= 0.0:
+        raise ConfigError(f"time_limit_s must be 0, for no limit, or more, got {time_limit_s}")
     if oracle_motions == 1 or oracle_motions < 0:
         raise ConfigError(f"oracle motions must be 0, or 2 and more, got {oracle_motions}")
     if isinstance(scenario, Suite):
         words, entries = f"{scenario.name} {scenario.version}", scenario.cells
     else:
-        sources = (it if isinstance(it, Scenario) else str(it) for it in _several(scenario))
-        words, entries = "", (SuiteEntry(tuple(sources), (), vision),)
-    cells = cells_of(entries, Overrides(_several(pilot), _several(settings), config, _several(only)))
+        sources = tuple(it if isinstance(it, Scenario) else str(it) for it in _several(scenario))
+        words, entries = "", (SuiteEntry(sources, (), vision),)
+    if not pilots or not any(entry.scenarios for entry in entries):
+        raise ConfigError("nothing to fly: a campaign wants one scenario and one pilot, or more")
+    keys = [setting(text)[0] for text in changes]
+    for key in keys:
+        if keys.count(key) > 1:
+            raise ConfigError(f"{key} is set {keys.count(key)} times; its values stand in one text, as {key}=A,B")
+    for each in pilots:
+        checked_factory("pilots", each)
+    for entry in entries:
+        checked_factory("visions", entry.vision)
+    laid_over = None if config is None else Path(config)
+    cells = cells_of(entries, Overrides(pilots, changes, laid_over, _several(only)))
     folder = None if out is None else Path(out)
-    seeds = range(first_seed, first_seed + runs) if salt is None else sealed_seeds(salt, first_seed, runs)
+    if folder is not None:
+        for cell in cells:
+            _check_named("pilots", cell.pilot)
+            _check_named("visions", cell.vision)
+    seeds = range(first_seed, first_seed + runs) if salt is None else sealed_seeds(Path(salt), first_seed, runs)
     plan = CampaignPlan(cells, seeds, folder, words, command, logs)
     found = fly_plan(plan, workers, cluster, time_limit_s, progress)
     if folder is not None:
@@ -261,8 +283,27 @@ def fly_plan(
     return found
 
 
-def _several(given: One | Sequence[One]) -> tuple[One, ...]:
-    return tuple(given) if isinstance(given, Sequence) and not isinstance(given, str) else (given,)
+def _check_named(group: str, given: str | Factory) -> None:
+    """ConfigError where another factory may have the same name: what is kept under that name would be taken for both.
+
+    So have lambdas, functions within functions, partial functions and objects: their names leave out what is in them.
+    """
+    if isinstance(given, str):
+        return
+    name = factories.name_of(given)
+    module, _, path = name.partition(":")
+    found: Any = sys.modules.get(module)
+    for part in path.split("."):
+        found = getattr(found, part, None)
+    if found != given:
+        raise ConfigError(
+            f"{name}, of the {group}, is not the only one of that name, and a folder keeps rows by name; "
+            "write a function or a class of its own at the top of a file, or give no folder"
+        )
+
+
+def _several(given: Any) -> tuple[Any, ...]:  # noqa: ANN401 - one, or several one by one
+    return tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
 
 
 def _fly(

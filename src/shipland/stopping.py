@@ -71,6 +71,9 @@ def stop_requests() -> Iterator[None]:
             _request.answered, _request.last_s = True, now_s
             raise KeyboardInterrupt
 
+    if not _in_main_thread():  # a request is the main thread's: another one's end does not answer it
+        yield
+        return
     with _handled(ENDING, ask):
         try:
             yield

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import shipland
+from shipland.errors import ConfigError
 from shipland.guidance.pilot import paper
 from shipland.record.info import config_digest
 from shipland.record.reader import read_log
@@ -42,7 +43,7 @@ def test_a_flight_gives_arrays():
     assert all(record.frame.image is None for record in flight.records)
 
 
-def test_a_notebook_shows_verdict_figures_the_whole_flight_and_its_film(tmp_path):
+def test_a_notebook_shows_verdict_figures_the_whole_flight_and_its_film(monkeypatch, tmp_path):
     flight = shipland.fly("near", seed=3)
     shown = flight._repr_html_()
     assert shown.startswith(f"<b>near: {flight.reason}</b>")
@@ -59,6 +60,30 @@ def test_a_notebook_shows_verdict_figures_the_whole_flight_and_its_film(tmp_path
     assert "<video" not in filmed._repr_html_()
     (tmp_path / "flight.mp4").touch()
     assert f'src="{tmp_path / "flight.mp4"}"></video>' in filmed._repr_html_()
+    monkeypatch.chdir(tmp_path.parent)  # where the notebook lies: a server shows no file by its absolute path
+    assert f'src="{tmp_path.name}/flight.mp4"></video>' in filmed._repr_html_()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"vision": None}, r"None is none of the visions; expected a name \(geometric, published, rendered\)"),
+        ({"pilot": ["paper"]}, "none of the pilots"),
+        ({"seed": None}, "a seed must be a whole number, got None"),
+        ({"seed": 1.5}, "a seed must be a whole number"),
+        ({"seed": -1}, "a seed must be 0 or more, got -1"),
+    ],
+)
+def test_an_argument_of_no_use_is_refused_in_words(wrong, words):
+    with pytest.raises(ConfigError, match=words):
+        shipland.fly("near", **wrong)
+
+
+def test_a_seed_may_be_numpys(without_plots, tmp_path):
+    flight = shipland.fly(shipland.load_scenario("near", **SHORT), seed=np.int64(3), out=tmp_path, video=False)
+    plain = shipland.fly(shipland.load_scenario("near", **SHORT), seed=3)
+    assert flight.columns.sticks_percent.tolist() == plain.columns.sticks_percent.tolist()
+    assert read_log(tmp_path / "flight.mcap").header.info.seed == 3
 
 
 class Swallowing:

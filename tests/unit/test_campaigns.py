@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -102,6 +103,69 @@ def test_scenarios_and_pilots_may_be_objects(made_up):
     suite = shipland.load_suite("near")
     found = shipland.campaign(suite, runs=1, only="rig-natops*", workers=1, progress=False)
     assert {(cell.suite, cell.scenario) for cell in found.cells} == {(f"near {suite.version}", "rig-natops")}
+
+
+def test_several_may_come_in_anything_that_gives_them_one_by_one(made_up):
+    texts = ["wind.mean_mps=0,5", "time_limit_s=3"]
+    found = grid(pilot=iter(["paper", "horizon"]), settings=iter(texts), only={"*"})
+    assert str(found.rows) == str(grid(settings=texts).rows)
+    assert [cell.pilot for cell in grid(pilot=np.array(["paper", "pid"]), settings=()).cells] == ["paper", "pid"]
+
+
+def test_files_are_given_as_text_or_path(made_up, tmp_path):
+    (tmp_path / "calm.toml").write_text("[wind]\nmean_mps = 0.5\n")
+    (tmp_path / "salt").write_bytes(bytes(range(64, 96)))
+    given = {"config": tmp_path / "calm.toml", "salt": tmp_path / "salt", "settings": (), "runs": 1}
+    assert str(grid(**given | {name: str(given[name]) for name in ("config", "salt")}).rows) == str(grid(**given).rows)
+    assert made_up[0].scenario.wind.mean_mps == 0.5
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"pilot": []}, "nothing to fly"),
+        ({"pilot": None}, "None is none of the pilots; expected a name"),
+        ({"vision": None}, "None is none of the visions"),
+        (
+            {"settings": ["wind.mean_mps=0", "wind.mean_mps=5"]},
+            "wind.mean_mps is set 2 times; .*, as wind.mean_mps=A,B",
+        ),
+        ({"workers": -1}, "workers must be 0 or more"),
+        ({"time_limit_s": -1.0}, "time_limit_s must be 0"),
+        ({"first_seed": -1}, "a seed must be 0 or more"),
+        ({"first_seed": 1.0}, "a seed must be a whole number"),
+        ({"runs": 0}, "runs must be at least 1"),
+    ],
+)
+def test_an_argument_of_no_use_is_refused_in_words(made_up, wrong, words):
+    with pytest.raises(ConfigError, match=words):
+        grid(**wrong)
+    with pytest.raises(ConfigError, match="nothing to fly"):
+        shipland.campaign([])
+
+
+def choosing(setup, pilot):
+    return pilot(setup)
+
+
+class Choosing:
+    def __init__(self, pilot):
+        self.pilot = pilot
+
+    def __call__(self, setup):
+        return self.pilot(setup)
+
+
+def test_a_folder_takes_no_pilots_that_share_a_name(made_up, tmp_path):
+    def within(setup):
+        return paper(setup)
+
+    for shared in (partial(choosing, pilot=paper), Choosing(paper), within, lambda setup: paper(setup)):
+        with pytest.raises(ConfigError, match="is not the only one of that name, and a folder keeps rows by name"):
+            grid(pilot=shared, out=tmp_path)
+        assert len(grid(pilot=shared).rows) == 8  # without a folder they fly
+    with pytest.raises(ConfigError, match="of the visions, is not the only one"):
+        grid(vision=shipland.without_pictures(lambda _: None), out=tmp_path)
 
 
 def test_pilots_and_campaigns_are_compared_seed_by_seed(made_up):

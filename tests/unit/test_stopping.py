@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -48,6 +49,20 @@ def test_a_request_that_nobody_looked_for_is_answered_at_the_end(how):
     assert reached
     with stop_requests():
         check_stop()  # the next block begins without one
+
+
+def test_work_on_another_thread_that_ends_does_not_answer_a_request():
+    def work():
+        with stop_requests():
+            pass
+
+    with pytest.raises(KeyboardInterrupt), stop_requests():
+        receive(signal.SIGINT)
+        beside = threading.Thread(target=work)
+        beside.start()
+        beside.join()
+        check_stop()
+        pytest.fail("the request was forgotten")
 
 
 def test_an_answered_request_is_not_answered_again():

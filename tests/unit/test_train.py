@@ -142,6 +142,8 @@ def test_anchors_cover_the_sizes_they_were_fitted_to(rng):
     worst = np.maximum(sizes[:, None] / anchors, anchors / sizes[:, None]).max(axis=2).min(axis=1)
     assert np.quantile(worst, 0.9) < 1.8
     assert len(np.array(fit_anchors(np.full((5, 2), 10.0), 1)).reshape(9, 2)) == 9
+    few = np.exp(rng.normal(np.log(20.0), 0.8, (10, 2)))  # centres lose their targets, which SciPy warns of
+    assert len(np.array(fit_anchors(few, 1)).reshape(9, 2)) == 9
     with pytest.raises(DataError, match="no target"):
         fit_anchors(np.zeros((0, 2)), 1)
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
 from shipland.environments.actions import ActionPilot, SteeredPilot
-from shipland.environments.flight_env import FlightEnv
+from shipland.environments.flight_env import FlightEnv, one_of
 from shipland.errors import ConfigError
 from shipland.factories import Factory
 from shipland.flight import Cycle
@@ -83,6 +83,7 @@ class LastPhaseEnv(FlightEnv[Seen]):
         render_mode: str | None = None,
         **unknown: Any,  # noqa: ANN401 - refused
     ) -> None:
+        one_of("action", action, get_args(Kind))
         super().__init__(scenario, START | dict(overrides or {}), vision, render_mode, unknown)
         try:
             self.action = Action(action, default_bound_mps2(action) if bound_mps2 is None else bound_mps2, reach_m)

@@ -9,6 +9,7 @@ errors [YOLOv3, §2.1], objectness by focal cross-entropy [Lin et al., "Focal Lo
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -204,6 +205,8 @@ def fit_anchors(sizes_px: npt.NDArray[np.floating], seed: int) -> Anchors:
         rng = np.random.default_rng(seed)
         logs = np.concatenate([logs, logs[rng.integers(len(logs), size=90)] + rng.normal(0.0, 0.25, (90, 2))])
     quantiles = np.argsort(logs.sum(axis=1))[np.linspace(0, len(logs) - 1, 11).round().astype(int)[1:-1]]
-    centres, _ = kmeans2(logs, logs[quantiles], iter=50, minit="matrix", seed=seed, missing="warn")
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "One of the clusters is empty")  # its centre stays, an anchor as good
+        centres, _ = kmeans2(logs, logs[quantiles], iter=50, minit="matrix", seed=seed, missing="warn")
     ordered = np.exp(centres[np.argsort(centres.sum(axis=1))]).round(1).tolist()
     return tuple(tuple((w, h) for w, h in ordered[3 * scale : 3 * scale + 3]) for scale in range(3))

@@ -53,7 +53,8 @@ def flight_html(
         png = cv2.imencode(".png", bgr)[1].tobytes()
         shown = picture(png, "png", "the flight from the side and from above")
     if film is not None and film.is_file():
-        address = html.escape(quote(str(film)))
+        here, film = Path.cwd(), film.absolute()  # a notebook's server shows what lies beside the notebook, or below
+        address = html.escape(quote(str(film.relative_to(here) if film.is_relative_to(here) else film)))
         shown += f'<p><video controls width="640" src="{address}"></video><br><a href="{address}">{film.name}</a></p>'
     table = html_table([name for name, _ in figures], [[value for _, value in figures]], len(figures))
     return f"<b>{html.escape(scenario.name)}: {html.escape(reason)}</b>{table}{shown}"
