@@ -128,8 +128,8 @@ def fly(
         ShiplandError: a wrong scenario, name, seed, output folder or machine.
     """
     scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
-    checked_factory("pilots", pilot)
-    pictures, seed = needs_pictures(checked_factory("visions", vision)), checked_seed(seed)
+    factories.resolve("pilots", pilot)
+    pictures, seed = needs_pictures(factories.resolve("visions", vision)), checked_seed(seed)
     say_that_it_compiles()
     records: list[FlightRecord] = []
     with ExitStack() as stack:
@@ -185,14 +185,6 @@ def checked_seed(seed: Any) -> int:  # noqa: ANN401 - whatever a caller gives
     if number < 0:
         raise ConfigError(f"a seed must be 0 or more, got {number}")
     return number
-
-
-def checked_factory(group: str, given: Any) -> Factory:  # noqa: ANN401
-    """As `factories.resolve`; ConfigError too where it is neither a name nor a factory."""
-    if not (isinstance(given, str) or callable(given)):
-        known = ", ".join(factories.names(group))
-        raise ConfigError(f"{given!r} is none of the {group}; expected a name ({known}), module:factory or a factory")
-    return factories.resolve(group, given)
 
 
 def _recorder(

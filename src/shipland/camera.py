@@ -186,7 +186,7 @@ class Camera:
         import cv2
 
         if not path.is_file():
-            raise DataError(f"calibration file {path} does not exist")
+            raise DataError(f"calibration file {path} {'is a folder' if path.is_dir() else 'does not exist'}")
         if b"\0" in path.read_bytes():  # at which OpenCV stops reading, and takes what came before for the whole
             raise DataError(f"calibration file {path} is not an OpenCV YAML, XML or JSON file: it holds a zero byte")
         try:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy.typing as npt
 
 from shipland import factories
-from shipland.api import checked_factory, checked_seed
+from shipland.api import checked_seed
 from shipland.compiled import say_that_it_compiles
 from shipland.config import setting
 from shipland.errors import ConfigError, DataError
@@ -245,9 +245,9 @@ def campaign(
         if keys.count(key) > 1:
             raise ConfigError(f"{key} is set {keys.count(key)} times; its values stand in one text, as {key}=A,B")
     for each in pilots:
-        checked_factory("pilots", each)
+        factories.resolve("pilots", each)
     for entry in entries:
-        checked_factory("visions", entry.vision)
+        factories.resolve("visions", entry.vision)
     laid_over = None if config is None else Path(config)
     cells = cells_of(entries, Overrides(pilots, changes, laid_over, _several(only)))
     folder = None if out is None else Path(out)

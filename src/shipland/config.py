@@ -257,6 +257,8 @@ def plain(value: Any) -> Any:
         return [plain(item) for item in value]
     if isinstance(value, enum.Enum):
         return value.value
+    if hasattr(value, "tolist"):  # NumPy's numbers and arrays
+        return value.tolist()
     return str(value) if isinstance(value, Path) else value
 
 

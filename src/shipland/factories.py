@@ -52,7 +52,7 @@ def names(group: str) -> list[str]:
     return sorted({*PACKAGED[group], *(point.name for point in metadata.entry_points(group=f"shipland.{group}"))})
 
 
-def resolve(group: str, name: str | Factory) -> Factory:
+def resolve(group: str, name: object) -> Factory:
     """The factory of that name; what is callable already is given back.
 
     Args:
@@ -60,11 +60,14 @@ def resolve(group: str, name: str | Factory) -> Factory:
         name: a packaged name, an entry point's name, `module:factory`, or the factory itself.
 
     Raises:
-        ConfigError: there is no such name (the message lists the ones there are), no such module, or nothing
-            callable in it.
+        ConfigError: it is neither a name nor callable, there is no such name (the message lists the ones there are),
+            no such module, or nothing callable in it.
     """
     if callable(name):
         return name
+    if not isinstance(name, str):
+        known = ", ".join(names(group))
+        raise ConfigError(f"{name!r} is none of the {group}; expected a name ({known}), module:factory or a factory")
     if name in PACKAGED[group]:
         return _load(group, PACKAGED[group][name])
     if is_own_code(name):

@@ -200,9 +200,9 @@ class TestBadCalibrationFiles:
         with pytest.raises(DataError, match=NOT_OPENCV):
             Camera.from_opencv_yaml(path)
 
-    @pytest.mark.parametrize("name", ["missing.yaml", "."])
-    def test_missing_file_and_folder(self, tmp_path, name):
-        with pytest.raises(DataError, match="does not exist"):
+    @pytest.mark.parametrize(("name", "words"), [("missing.yaml", "does not exist"), (".", "is a folder")])
+    def test_missing_file_and_folder(self, tmp_path, name, words):
+        with pytest.raises(DataError, match=words):
             Camera.from_opencv_yaml(tmp_path / name)
 
     @pytest.mark.parametrize("text", [calibration(), calibration(distortion="")])

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 import hypothesis.strategies as st
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
@@ -464,3 +465,10 @@ class TestBounds:
             for text in ("1e300", "-1e300"):
                 with pytest.raises(ConfigError):
                     load_scenario(merge(NEAR, settings([f"{name}={text}"])))
+
+
+@pytest.mark.parametrize("given", [np.int64(3), np.float32(3.0), np.array(3.0)])
+def test_numpys_numbers_are_numbers(given):
+    assert load_scenario("near", **{"wind.mean_mps": given}).wind.mean_mps == 3.0
+    with pytest.raises(ConfigError, match=r"expected float, got \[3"):
+        load_scenario("near", **{"wind.mean_mps": np.array([3.0, 4.0])})

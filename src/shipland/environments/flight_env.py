@@ -17,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland import factories
-from shipland.api import checked_factory
 from shipland.camera import Camera
 from shipland.config import unknown_key
 from shipland.environments.actions import ActionPilot
@@ -178,7 +177,7 @@ class FlightEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]], Generic[Seen]):
             one_of("render_mode", render_mode, self.metadata["render_modes"])
         source = scenario.table() if isinstance(scenario, Scenario) else scenario
         self.scenario = load_scenario(source, **(overrides or {}))
-        self._vision = checked_factory("visions", vision)
+        self._vision = factories.resolve("visions", vision)
         self.render_mode = render_mode
         self._views: FlightViews | None = None
         self._flight: SteppedFlight | None = None

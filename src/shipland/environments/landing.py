@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from shipland.api import checked_factory
+from shipland import factories
 from shipland.environments.actions import STICKS, ActionPilot, ResidualPilot, StickPilot
 from shipland.environments.flight_env import FlightEnv, one_of
 from shipland.errors import ConfigError
@@ -65,7 +65,7 @@ class LandingEnv(FlightEnv[Seen]):
         one_of("action", action, ("sticks", "residual"))
         one_of("observation", observation, ("dict", "flat"))
         super().__init__(scenario, overrides, vision, render_mode, unknown)
-        self._inner = checked_factory("pilots", pilot) if action == "residual" else None
+        self._inner = factories.resolve("pilots", pilot) if action == "residual" else None
         self._bound = _bound_of(bound)
         self.entries = observation_space()
         self.action_space = spaces.Box(-1.0, 1.0, (STICKS,), np.float32)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from shipland.errors import DataError
@@ -28,7 +28,7 @@ class FlightLog:
     """
 
     header: LogHeader
-    records: tuple[FlightRecord, ...]
+    records: tuple[FlightRecord, ...] = field(repr=False)
     verdict: TouchdownVerdict | None
     complete: bool
 
