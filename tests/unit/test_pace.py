@@ -2,12 +2,16 @@
 
 import os
 import re
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
 import pytest
 
 from shipland.vehicles.pace import Pace
+
+ROOT = Path(__file__).parents[2]
 
 
 def test_a_turn_that_raises_is_counted_and_logged_once_and_the_next_one_comes(caplog: pytest.LogCaptureFixture) -> None:
@@ -84,3 +88,15 @@ def test_the_process_has_short_slices_only_while_it_runs() -> None:
     pace.stop()
     assert during == 1_000_000 != before
     assert slice_ns() == before
+
+
+def test_a_slow_clock_is_no_suspended_machine():
+    """`tools/slow_clock` slows every clock by which a suspended machine is told."""
+    script = (
+        "import time; from shipland.vehicles.pace import boot_s\n"
+        "apart_s = boot_s() - time.monotonic(); time.sleep(0.2)\n"
+        "assert abs(boot_s() - time.monotonic() - apart_s) < 0.05"
+    )
+    paths = os.pathsep.join([str(ROOT / "tools" / "slow_clock"), str(ROOT / "src")])
+    env = os.environ | {"PYTHONPATH": paths, "SHIPLAND_CLOCK_SPEED": "0.2"}
+    subprocess.run([sys.executable, "-c", script], env=env, check=True)

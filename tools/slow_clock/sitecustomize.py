@@ -14,7 +14,7 @@ import time
 
 def _slow_down(speed: float) -> None:
     monotonic, perf_counter, sleep, wait = time.monotonic, time.perf_counter, time.sleep, threading.Condition.wait
-    epoch = time.time
+    epoch, clock = time.time, time.clock_gettime
 
     def waiting(self: threading.Condition, timeout: float | None = None) -> bool:
         return wait(self, None if timeout is None else timeout / speed)
@@ -22,6 +22,7 @@ def _slow_down(speed: float) -> None:
     time.monotonic = lambda: speed * monotonic()
     time.monotonic_ns = lambda: int(1e9 * speed * monotonic())
     time.time = lambda: speed * epoch()  # stamps that two processes exchange
+    time.clock_gettime = lambda which: speed * clock(which)
     time.perf_counter = lambda: speed * perf_counter()
     time.sleep = lambda seconds: sleep(seconds / speed)
     threading.Condition.wait = waiting  # type: ignore[method-assign]

@@ -21,7 +21,8 @@ _KEPT = 100_000
 
 def boot_s() -> float:
     """Time since the machine started [s]; `time.monotonic` stands still while it is suspended, and this does not."""
-    return time.clock_gettime(getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
+    boot = getattr(time, "CLOCK_BOOTTIME", None)  # Linux has it
+    return time.monotonic() if boot is None else time.clock_gettime(boot)
 
 
 class Pace:
