@@ -25,6 +25,7 @@ from shipland.messages import Decision, Intent, PilotCommand, TouchdownVerdict
 from shipland.scenario.autonomy import drawn_ship
 from shipland.scenario.fly import Flown
 from shipland.scenario.scenario import load_scenario
+from shipland.scenario.visions import without_pictures
 from shipland.sim.touchdown import NO_TOUCH, Judge, OnDeck
 
 SCENARIO = load_scenario("rig-natops", ship={"motion": "still"})
@@ -139,6 +140,20 @@ def test_never_down_says_how_far_it_got_by_what_was_seen_and_flown(distance_m, h
     flown = land_once(FlightJob(scenario, lambda _: Hovering(intent), "geometric", 1))
     assert (flown.phases.search_s, flown.cause) == (0.0, cause)
     assert landing(None).cause == "never found the ship"
+
+
+def test_a_pilot_or_a_vision_that_raises_in_most_cycles_is_the_cause():
+    class Failing(Hovering):
+        def decide(self, observation, telemetry, sent):
+            raise RuntimeError(telemetry.t_s)
+
+        def see(self, frame):
+            raise RuntimeError(frame.t_s)
+
+    scenario = load_scenario("rig-natops", time_limit_s=2.0)
+    for pilot, vision, cause in ((Failing, "geometric", "pilot failed"), (Hovering, Failing, "vision failed")):
+        made = vision if isinstance(vision, str) else without_pictures(lambda _: Failing(Intent.FLY))
+        assert land_once(FlightJob(scenario, lambda _, pilot=pilot: pilot(Intent.FLY), made, 1)).cause == cause
 
 
 def test_conditions_are_those_that_were_drawn():

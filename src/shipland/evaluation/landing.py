@@ -275,6 +275,11 @@ def _cause(scenario: Scenario, verdict: TouchdownVerdict, oracle_in_square: bool
 
 def _never_down(records: Sequence[FlightRecord]) -> str:
     """Of a flight that ended in the air: how far it got, by what was flown and seen; a pilot need not have modes."""
+    half = 0.5 * len(records)
+    if sum("pilot failed: " in record.decision.reason for record in records) > half:
+        return "pilot failed"
+    if sum("vision failed: " in record.observation.reason for record in records) > half:
+        return "vision failed"
     intents = {record.decision.command.intent for record in records}
     if Intent.GO_AROUND in intents:
         return "landings broken off"
