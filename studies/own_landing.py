@@ -82,7 +82,10 @@ def counts(row: dict[str, Any]) -> bool:
 
 def _cause(row: dict[str, Any]) -> str:
     """Why it did not land, without figures; nothing where it did."""
-    return "" if row["reason"].startswith("landed") else str(row["reason"]).split(":")[0]
+    reason = str(row["reason"])
+    if reason.startswith(("it flies", "no verdict")):  # the physics' last word, or the tool's
+        return "in the air at the end"
+    return "" if reason.startswith("landed") else reason.split(":")[0]
 
 
 def measure(case: Case, runs: int) -> Row:

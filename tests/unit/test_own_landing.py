@@ -54,7 +54,7 @@ def test_a_row_resumes_flight_by_flight_and_counts_what_kept_pace(flown):
     assert [words[words.index("--first") + 1] for words in flown] == ["1", "2", "2", "3"]
     assert (row["flights"], row["late"], row["success"]["value"]) == (2, 1, 0.5)
     assert (row["off_m"], row["most_m"], row["rest_s"]) == (0.04, 0.04, 2.5)
-    assert row["others"] == "1 no verdict"
+    assert row["others"] == "1 in the air at the end"
     assert {**case, **row}.keys() <= study.columns.keys()
     assert study.measure(case, 3) == row
     assert flown[4:] == [flown[3]], "the late one is flown again"
