@@ -178,7 +178,7 @@ class AnafiVehicle(LinkVehicle):
         So does a machine that was suspended.
         """
         if words := self._suspended:
-            self._end(words, "the ANAFI itself (holds)", yielded=True)
+            self._end(words, "the ANAFI itself (holds)")
             return True
         timeout_s = self._parameters.link_timeout_s
         if time.monotonic() - self._heard_s <= timeout_s:
