@@ -83,7 +83,7 @@ def counts(row: dict[str, Any]) -> bool:
 def _cause(row: dict[str, Any]) -> str:
     """Why it did not land, without figures; nothing where it did."""
     reason = str(row["reason"])
-    if reason.startswith(("it flies", "no verdict")):  # the physics' last word, or the tool's
+    if reason.startswith(("it flies", "no verdict", "the flight controller has gone")):  # ended by us
         return "in the air at the end"
     return "" if reason.startswith("landed") else reason.split(":")[0]
 
