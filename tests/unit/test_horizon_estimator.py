@@ -262,22 +262,32 @@ def test_a_ship_under_way_is_no_nearer_than_its_boxes_say():
     assert estimate.speed_mps == pytest.approx([0.0, 0.0], abs=1.0)
 
 
-def test_another_range_by_another_box_is_no_motion_of_the_ship():
-    """The ship lies still. Seen from aside its boxes are larger than from astern, and tell three quarters of the range;
-    the bar's, from 100 m on, tell it all."""
+def _approached(from_m, bar_m, to_m, share_of_bar):
+    """An estimate after a way at 6 m/s towards a ship that lies still, seen from aside: its boxes tell three quarters
+    of the range. From `bar_m` on the bar's tell `share_of_bar` of it."""
     estimator, (column_px, row_px) = _estimator(), View.of(CAMERA).middle_px
     sizes_m = {"ship": (RIG.platform_width_m, RIG.superstructure_height_m), "box": RIG.board_size_m}
-    for index in range(510):
+    for index in range(round(30 * (2.0 + (from_m - to_m) / 6.0))):
         t_s = index / 30.0
-        range_m = 160.0 - 6.0 * max(t_s - 2.0, 0.0)
-        seen, share = ("ship", 0.75) if range_m > 100.0 else ("box", 1.0)
+        range_m = from_m - 6.0 * max(t_s - 2.0, 0.0)
+        seen, share = ("ship", 0.75) if range_m > bar_m else ("box", share_of_bar)
         scale = CAMERA.focal_px / (share * range_m)
         box = Box((column_px, row_px), (scale * sizes_m[seen][0], scale * sizes_m[seen][1]), 0.9)
         velocity = np.array([6.0 * (t_s > 2.0), 0.0, 0.0])
         _cycle(estimator, t_s, velocity_in_level_mps=velocity, **{seen: box})
-    estimate = estimator.estimate(t_s)
+    return estimator.estimate(t_s)
+
+
+def test_another_range_by_another_box_is_no_motion_of_the_ship():
+    estimate = _approached(160.0, 100.0, 70.0, 1.0)
     assert estimate.speed_mps == pytest.approx([6.0, 0.0], abs=1.5)
-    assert estimate.place_m == pytest.approx([-range_m, 0.0], abs=8.0)
+    assert estimate.place_m == pytest.approx([-70.0, 0.0], abs=8.0)
+
+
+@pytest.mark.parametrize(("from_m", "bar_m", "share"), [(30.0, 14.0, 1.5), (130.0, 60.0, 3.0)])
+def test_a_bar_seen_from_aside_that_looks_farther_away_is_not_believed_at_once(from_m, bar_m, share):
+    estimate = _approached(from_m, bar_m, bar_m - 1.0, share)
+    assert -estimate.place_m[0] < 1.1 * bar_m
 
 
 def test_the_nose_follows_the_newest_box_of_a_ship_that_turns_away():

@@ -42,6 +42,8 @@ _POSE_GAP_S = 0.5
 """After a gap this long in the poses, one that leaps is soon believed."""
 _STAMP_S = 0.012
 """Standard deviation of what the pictures' times are off by after their correction."""
+_FROM_ASIDE = 2.0
+"""A bar that looks so many times as far away as the ship is foreshortened: it is seen from 55° off astern or more."""
 _MeanAndCovariance = tuple[Array, Array]
 _VELOCITY_EVERY_S = 0.06
 """Least time between velocity readings: their noise is coloured, so that closer ones add little."""
@@ -195,7 +197,7 @@ class Estimator:
         lost_s = self._parameters.measured.lost_s
         if t_s - self.seen_s > lost_s:  # the ship has moved on meanwhile
             self.forget_place()
-        elif is_bar and t_s - max(self._bar_s, self._posed_s) > lost_s:
+        elif is_bar and t_s - max(self._bar_s, self._posed_s) > lost_s and self._tells_range(place):
             # The ship's boxes had another error of the range. A leap of the range is no motion of the ship.
             inputs = self._sticks.across, self._headings.turn_rad_s
             self._across.restart_position(t_s, place.across_m, place.covariance, *inputs)
@@ -204,6 +206,16 @@ class Estimator:
         north, east = (-place.across_m).tolist()
         self._line_of_sight = t_s, math.atan2(east, north)
         self._update(t_s, place, self._parameters.measured.first_way_mps)
+
+    def _tells_range(self, place: SeenPlace) -> bool:
+        """Whether a place of the bar's first box is not one of a bar seen from aside, which looks farther away.
+
+        Near the ship a bar seen from astern shows its corners.
+        """
+        across = self._across.estimate
+        known_m = 0.0 if across is None else math.hypot(*across.of(POSITION).tolist())
+        nearest_m = 2.0 * self._parameters.path.stand_off_m
+        return nearest_m < math.hypot(*place.across_m.tolist()) < _FROM_ASIDE * known_m
 
     def _update(self, t_s: float, place: SeenPlace, ship_std_mps: float = 0.0) -> None:
         """Update by a position; a first one starts the filters, with this standard deviation of the ship's speed."""
