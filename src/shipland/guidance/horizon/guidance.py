@@ -32,8 +32,8 @@ _BLIND_S = 1.5
 """Without a velocity of the vehicle for this long, gains are those for pictures alone."""
 _MEMORY_S, _LIMIT_CYCLE = 2.0, 0.3
 _BRAKE_MPS2, _ROOM_M = 2.5, 1.0
-"""Deceleration of a reference that would overshoot its goal, a tilt of 14°; and the way that stopping may always take.
-"""
+"""Deceleration of a reference that is faster than its pace, where it would overshoot its goal: a tilt of 14°; and the
+way that stopping may always take."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Pace:
     Attributes:
         speed_mps: greatest speed against its goal.
         brake_mps2: deceleration that it plans to stop with.
-        acceleration_mps2: greatest change of its speed, unless it takes more to stop at its goal.
+        acceleration_mps2: greatest change of its speed, unless it is too fast and stopping at its goal takes more.
         closing_per_s: near the goal the speed falls in proportion to the distance.
         tracking_error_max_m, tracking_error_max_mps: a larger difference between aircraft and reference resets the
             reference.
@@ -68,7 +68,9 @@ def moved(before: Reference, step_s: float, goal_m: Array, goal_mps: Array, pace
     change = wanted_mps - before.speed_mps
     relative_mps = before.speed_mps - goal_mps
     room_m = max(distance_m if relative_mps @ to_goal_m > 0.0 else 0.0, _ROOM_M)
-    stops_mps2 = min(float(relative_mps @ relative_mps) / (2.0 * room_m), _BRAKE_MPS2)
+    squared, stops_mps2 = float(relative_mps @ relative_mps), 0.0
+    if squared > pace.speed_mps**2:
+        stops_mps2 = min(squared / (2.0 * room_m), _BRAKE_MPS2)
     most = max(pace.acceleration_mps2, stops_mps2) * step_s
     size = math.hypot(*change.tolist())
     if size > most:
