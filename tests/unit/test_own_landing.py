@@ -62,7 +62,7 @@ def test_a_row_resumes_flight_by_flight_and_counts_what_kept_pace(flown):
     assert "delays.video_s=0.3" in flown[0]
 
 
-def test_each_autopilot_flies_its_own_binary(flown):
+def test_each_autopilot_is_flown_with_and_without_its_own_landing(flown):
     for case in own_landing.cases():
         with contextlib.suppress(KeyboardInterrupt):
             own_landing.landing(case, 1)

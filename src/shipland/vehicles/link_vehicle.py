@@ -23,6 +23,7 @@ class LinkVehicle(ABC):
         """What is closed with the link."""
         self._connected = self._engaged = self._closed = False
         self._suspended_s = math.nan
+        """Time for which the machine had been suspended, all in all, when the vehicle was connected."""
         self._end_reason = ""
 
     @property

@@ -68,9 +68,8 @@ def moved(before: Reference, step_s: float, goal_m: Array, goal_mps: Array, pace
     change = wanted_mps - before.speed_mps
     relative_mps = before.speed_mps - goal_mps
     room_m = max(distance_m if relative_mps @ to_goal_m > 0.0 else 0.0, _ROOM_M)
-    squared, stops_mps2 = float(relative_mps @ relative_mps), 0.0
-    if squared > pace.speed_mps**2:
-        stops_mps2 = min(squared / (2.0 * room_m), _BRAKE_MPS2)
+    squared = float(relative_mps @ relative_mps)
+    stops_mps2 = min(squared / (2.0 * room_m), _BRAKE_MPS2) if squared > pace.speed_mps**2 else 0.0
     most = max(pace.acceleration_mps2, stops_mps2) * step_s
     size = math.hypot(*change.tolist())
     if size > most:
