@@ -66,6 +66,7 @@ class Drone:
         self.stamp_off_s = stamp_off_s
         self.wanted = HOLD
         self.tilts = self.landing = False
+        self.stamp_s, self.holds_s = 0.0, list[float]()
         self.mount: Any = None
         self._noise = np.random.default_rng(1)
         self._velocity_mps, self._heading_rad, self._height_m = np.zeros(3), 0.3, 5.0
@@ -95,10 +96,17 @@ class Drone:
         self.node.close()
 
     def _take_velocity(self, command: Any) -> None:
-        self.wanted, self.tilts = ros.wanted_velocity(command) or HOLD, False
+        self._take(command, ros.wanted_velocity(command), False)
 
     def _take_attitude(self, command: Any) -> None:
-        self.wanted, self.tilts = ros.wanted_attitude(command, 1.0) or HOLD, True
+        self._take(command, ros.wanted_attitude(command, 1.0), True)
+
+    def _take(self, command: Any, wanted: Wanted | None, tilts: bool) -> None:
+        """Of two topics in their senders' order."""
+        if (stamp_s := ros.seconds(command.header.stamp)) >= self.stamp_s:
+            self.wanted, self.tilts, self.stamp_s = wanted or HOLD, tilts, stamp_s
+        if wanted is not None and wanted.hold:
+            self.holds_s.append(stamp_s)
 
     def _run(self) -> None:
         due_s = time.monotonic()

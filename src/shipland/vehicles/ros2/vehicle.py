@@ -34,6 +34,9 @@ from shipland.vehicles.wanted import HOLD, Wanted, wanted_of
 
 _log = logging.getLogger(__name__)
 
+_HOLDS, _HOLD_STEP_S = 3, 0.05
+"""The last set-point, so often and so far apart: a listener may lose one, and two topics come in any order."""
+
 
 class Ros2Vehicle(SetpointVehicle):
     """Whoever takes set-points from topics and publishes its state on others."""
@@ -130,10 +133,10 @@ class Ros2Vehicle(SetpointVehicle):
         if self._pace is not None:
             self._pace.stop()
         if self._telling is not None and self._engaged:
+            self._let_motors_stop(False)
             if self._heard.ours:  # also after an end of its own: its hold may not have left yet
                 self._end("the flight was ended here; the vehicle holds")
-                self._velocity.send(velocity_message(HOLD, time.time()))
-            self._let_motors_stop(False)
+                self._hold()
             self._telling.state("", self.end_reason, time.monotonic())
             self._telling.ended(self.end_reason)
 
@@ -189,6 +192,13 @@ class Ros2Vehicle(SetpointVehicle):
         self._set_point(wanted, step_s)
         if newest is not None and self._turns_camera(newest.gimbal_pitch_rad, now_s):
             self._mount.send(gimbal_message(GimbalAttitude(0.0, newest.gimbal_pitch_rad), time.time()))
+
+    def _hold(self) -> None:
+        """To end with, while nobody else flies."""
+        for _ in range(_HOLDS):
+            if self._heard.ours:
+                self._velocity.send(velocity_message(HOLD, time.time()))
+                time.sleep(_HOLD_STEP_S)
 
     def _let_motors_stop(self, at_contact: bool) -> None:
         """Told at every turn, and when control has gone: whoever flies then must not lose the motors to our landing."""
