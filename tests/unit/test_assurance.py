@@ -28,6 +28,7 @@ from shipland.safety.assurance import Safety, SafetyParameters
 from shipland.safety.estimate import SafetyEstimate, SafetyEstimator
 from shipland.safety.monitor import Action, Finding, stopping_distance_m
 from shipland.safety.recovery import REFUSED_S, Recovery, Rung, Switch, next_switch, sticks_of
+from shipland.safety.way_scale import WayScale
 
 PARAMETERS = SafetyParameters()
 TABLE = plain(PARAMETERS)
@@ -244,6 +245,30 @@ def test_with_a_ship_that_circles_place_and_velocity_are_carried_on_and_no_furth
             assert estimate.place_in_bar_m == pytest.approx(place_m, abs=0.05)
             assert estimate.velocity_in_bar_mps == pytest.approx(np.zeros(3), abs=0.1)
     assert max(map(abs, estimate.velocity_in_bar_mps)) < 20.0
+
+
+def way(scale, ship_mps=0.0, told=True):
+    """An approach from 12 m and a hover of ten seconds, by poses that err by `scale`; a swell of 10 cm."""
+    fit, rng = WayScale(RIG.deck_size_m), np.random.default_rng(3)
+    for t_s in np.arange(0.0, 20.0, 0.1):
+        own_m = 10.0 * (1.0 - math.exp(-t_s / 4.0)) + ship_mps * t_s
+        distance_m = 12.0 + ship_mps * t_s - own_m + 0.1 * math.sin(t_s) + rng.normal(0.0, 0.02)
+        fit.take(t_s, scale * distance_m, 0.5, (own_m * math.cos(0.5), own_m * math.sin(0.5)), 4e-4)
+    if not told:
+        fit.forget()
+    return fit
+
+
+@pytest.mark.parametrize("scale", [0.7, 1.0, 1.3])
+def test_the_vehicles_own_way_tells_the_scale_of_the_poses(scale):
+    fit = way(scale)
+    assert fit.scale == pytest.approx(scale, abs=0.06)
+    assert fit.sigma < 0.05
+
+
+def test_the_scale_is_not_judged_to_a_ship_under_way_nor_without_an_own_velocity():
+    assert math.isinf(way(0.7, ship_mps=2.0).sigma)
+    assert math.isinf(way(0.7, told=False).sigma)
 
 
 def test_a_ships_way_is_no_contradiction():

@@ -25,6 +25,7 @@ from shipland.frames import GRAVITY_MPS2, Array, all_finite, turned, wrap_angle
 from shipland.guidance.view import View
 from shipland.messages import Box, Observation, Telemetry
 from shipland.rig import Rig
+from shipland.safety.way_scale import WayScale
 
 Vector = tuple[float, float]
 Place = tuple[float, float, float]
@@ -94,6 +95,8 @@ class SafetyEstimate(NamedTuple):
         leap_m: by which the newest pose contradicts the way from those before; 0 for one that does not.
         deck_down_m: of the neutral deck below the bar.
         waved_off_s: exposure of the newest picture in which the ship's status light is red.
+        scale: distances by poses over those of the vehicle's own way; 1 where that is not judged.
+        scale_sigma: its standard deviation; infinite where it is not judged.
         contradicted_s: exposures of the last `_CONTRADICTED_S` whose bar contradicts the gimbal.
     """
 
@@ -126,6 +129,8 @@ class SafetyEstimate(NamedTuple):
     leap_m: float = 0.0
     deck_down_m: float = 0.0
     waved_off_s: float = -math.inf
+    scale: float = 1.0
+    scale_sigma: float = math.inf
     contradicted_s: tuple[float, ...] = ()
 
     def place_at(self, t_s: float, stale_s: float) -> Place | None:
@@ -218,6 +223,7 @@ class SafetyEstimator:
         self._ways, self._sights = np.zeros((_ROWS, 3)), np.zeros((_ROWS, 5))
         """Rows of time, north, east by the vehicle's own velocity; and of exposure, place in the bar, its heading."""
         self._contradicted_s: tuple[float, ...] = ()
+        self._way_scale = WayScale(rig.deck_size_m)
 
     def updated(self, observation: Observation, telemetry: Telemetry) -> SafetyEstimate:
         """The estimate after a cycle; what is None or not finite changes nothing."""
@@ -233,8 +239,13 @@ class SafetyEstimator:
             records["waved_off_s"] = t_s
         pose, deck, bar, ship = observation.bar_pose, observation.deck, observation.bar_box, observation.ship_box
         seen = () if pose is None else (*pose.position_in_bar_m.tolist(), pose.yaw_rad)
-        if seen and all(map(math.isfinite, seen)):
+        if math.isnan(told[0] + sum(velocity_mps)):
+            self._way_scale.forget()
+        if pose is not None and all(map(math.isfinite, seen)):
             _take_pose(records, self._ways, self._sights, t_s, seen, self._camera_in_body_m)
+            if records["leap_m"][0] == 0.0:
+                place_m, bar_heading_rad, way_m = _newest(records, self._ways, self._sights)
+                self._way_scale.take(t_s, -place_m, bar_heading_rad, way_m, float(pose.covariance[0, 0]))
         elif deck is not None and all_finite(deck.centre_in_level_m) and not np.isnan(records["place_in_bar_m"][0, 0]):
             _take_deck(
                 records, t_s, tuple(deck.centre_in_level_m.tolist()), self._camera_in_body_m, self._deck_in_bar_m
@@ -244,6 +255,7 @@ class SafetyEstimator:
             self._take_box(bar, self._bar_side_m, t_s)
         elif ship is not None and _usable(ship):
             self._take_box(ship, self._ship_side_m, t_s)
+        records["scale"], records["scale_sigma"] = self._way_scale.scale, self._way_scale.sigma
         return self._read()
 
     def _take_box(self, box: Box, side_m: float, exposure_s: float) -> None:
@@ -536,6 +548,14 @@ def _travelled(s: Record, ways: Array, t_s: float) -> Vector:
     before, after = ways[index - 1], ways[index]
     share = (t_s - before[0]) / max(after[0] - before[0], 1e-9)
     return before[1] + share * (after[1] - before[1]), before[2] + share * (after[2] - before[2])
+
+
+@compiled
+def _newest(records: Records, ways: Array, sights: Array) -> tuple[float, float, Vector]:
+    """Of the newest pose: place along the bar's axis, heading of that, and the way travelled until its exposure."""
+    s = records[0]
+    exposure_s, ahead_m, _, _, heading_rad = sights[int(s.sights) - 1]
+    return ahead_m, heading_rad, _travelled(s, ways, exposure_s)
 
 
 def _usable(box: Box) -> bool:

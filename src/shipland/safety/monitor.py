@@ -83,6 +83,13 @@ class MonitorParameters:
         2.0, "allowed change of velocity against poses in seconds: the flow lies, or the ship manoeuvres", ge=0.2, le=20
     )
     height_leap_m: float = scaled(0.8, "the same of barometer and poses", ge=0.1, le=20)
+    scale_off: float = key(
+        0.16,
+        "share by which distances by the cue and the way may differ",
+        "a fifth misses it",
+        gt=0,
+        le=9,
+    )
     telemetry_s: float = key(
         1.0, "oldest attitude, velocity and height to land with, of those that the vehicle gives", ge=0.1, le=5
     )
@@ -297,6 +304,15 @@ def height_contradicts(look: Look) -> Finding | None:
     return Finding(Action.NO_GO, f"barometer and poses differ by {abs(leap_m):.1f} m more than of late")
 
 
+def scale_contradicts(look: Look) -> Finding | None:
+    """Poses are longer or shorter than the vehicle's own way by a share that no wave explains."""
+    scale, sigma = look.estimate.scale, look.estimate.scale_sigma
+    if look.blind or abs(math.log(max(scale, _LEAST_SCALE))) - _SCALE_SIGMAS * sigma <= look.limits.scale_off:
+        return None
+    words = f"distances by the cue are {scale:.2f} of the vehicle's own way: is the cue as large, the camera as stated?"
+    return Finding(Action.NO_GO, words)
+
+
 def telemetry_old(look: Look) -> Finding | None:
     """Of what the vehicle gives, something is older than a landing may be flown with."""
     told = look.telemetry
@@ -333,6 +349,7 @@ RULES: tuple[Rule, ...] = (
     wind_too_strong,
     velocity_contradicts,
     height_contradicts,
+    scale_contradicts,
     telemetry_old,
     waved_off,
     vehicle_complains,
@@ -356,6 +373,8 @@ _LEE = 0.5
 """Of the wind, what still blows close behind the superstructure."""
 _BRAKE_SHARE, _LEAST_BRAKE_MPS2 = 0.8, 0.3
 """Of the tilt that is left, what is counted on; and never nothing."""
+_SCALE_SIGMAS, _LEAST_SCALE = 1.0, 0.01
+"""How surely the scale must be off; the waves' share in it is stated widely."""
 _SLOWEST_MPS = 0.3
 """Slower than this the time to contact says nothing."""
 _CONTACT_NEAR_S, _DRIFT_S = 0.6, 0.3

@@ -1,0 +1,121 @@
+"""Whether distances by the cue are as long as the vehicle's own way: one number for a cue or a camera stated wrongly.
+
+A cue that is not as large as stated, or a focal length that is not the camera's, makes the bar nearer or farther by a
+share, which no picture shows. Own way and poses together do: of a ship without way, the distance to the bar's plane
+changes by what the vehicle travels. Least squares of d = a + c·t − s·w: the distance d, the own way w towards the bar,
+and c for the ship's drift and the velocity's error; s is wanted. What is old is forgotten.
+
+A ship with way on is not judged: optical flow tells the velocity against the water astern of the deck, and against the
+deck above it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from shipland.compiled import compiled
+from shipland.frames import Array
+
+_MEMORY_S = 40.0
+"""Old poses are forgotten with this time constant: the drift changes."""
+_LONGEST_STEP_S = 0.5
+"""A pose counts for the time since the one before, at most this."""
+_WAVES_SHARE = 0.2
+"""Of the deck's side, by which the bar moves, beside what poses err by their covariance."""
+_PERIOD_S = 3.0
+"""Errors that are nearer in time are one: half a period of the waves at the rig's scale."""
+_LEAST_SHARE = 0.05
+"""Of the variance above, where the fit leaves less."""
+_LEAST_S = 9.0
+"""Of poses, before the scale is judged: a shorter way may be a wave's."""
+_STILL_MPS = 0.25
+"""A ship that drifts faster is not judged."""
+_UNDER_WAY_MPS, _SURE = 1.0, 0.3
+"""One that drifts faster than this, by a fit that knows the scale so well, is not judged any more."""
+
+
+class WayScale:
+    """The fit of one flight.
+
+    Args:
+        deck_size_m: side of the deck.
+
+    Attributes:
+        scale: distances by poses over the vehicle's own; 1 where it is not judged.
+        sigma: its standard deviation; infinite where it is not judged.
+    """
+
+    def __init__(self, deck_size_m: float) -> None:
+        self._waves_m2 = (_WAVES_SHARE * deck_size_m) ** 2
+        self.scale, self.sigma = 1.0, math.inf
+        self._sums: Array = np.zeros(_SUMS)
+        self._under_way = False
+        self._begun: tuple[float, float, float] | None = None
+        """Exposure of the first pose, and how far north and east the aircraft was by its own way."""
+        self._last_s = 0.0
+
+    def forget(self) -> None:
+        """The vehicle's own way is not known on; begin anew."""
+        self.scale, self.sigma, self._begun = 1.0, math.inf, None
+        self._sums[:] = 0.0
+
+    def take(
+        self,
+        exposure_s: float,
+        distance_m: float,
+        bar_heading_rad: float,
+        way_m: tuple[float, float],
+        variance_m2: float,
+    ) -> None:
+        """A pose.
+
+        Args:
+            exposure_s: an earlier one than that before tells nothing.
+            distance_m: to the bar's plane.
+            bar_heading_rad: of the bar, clockwise from the axes of `way_m`.
+            way_m: the aircraft's own, until then, north and east.
+            variance_m2: of the distance.
+        """
+        if not all(map(math.isfinite, (exposure_s, distance_m, bar_heading_rad, *way_m, variance_m2))):
+            return
+        if self._begun is None:
+            self._begun, self._last_s = (exposure_s, *way_m), exposure_s
+        first_s, north_m, east_m = self._begun
+        step_s, lasted_s = exposure_s - self._last_s, exposure_s - first_s
+        if step_s <= 0.0:
+            return
+        self._last_s = exposure_s
+        north_m, east_m = way_m[0] - north_m, way_m[1] - east_m
+        way = north_m * math.cos(bar_heading_rad) + east_m * math.sin(bar_heading_rad)
+        weight = min(step_s, _LONGEST_STEP_S) / (self._waves_m2 + max(variance_m2, 0.0))
+        kept = math.exp(-step_s / _MEMORY_S)
+        scale, sigma, drift_mps = _fitted(self._sums, kept, weight, lasted_s, distance_m, way)
+        self._under_way |= drift_mps > _UNDER_WAY_MPS and sigma < _SURE
+        judged = lasted_s >= _LEAST_S and drift_mps < _STILL_MPS and not self._under_way
+        self.scale, self.sigma = (scale, sigma) if judged else (1.0, math.inf)
+
+
+_SUMS = 10
+"""Weighted, of 1, t, t², w, t·w, w², d, t·d, w·d, d²."""
+
+
+@compiled
+def _fitted(sums: Array, kept: float, weight: float, t: float, d: float, w: float) -> tuple[float, float, float]:
+    """Scale, its standard deviation, and the drift, with one pose more."""
+    for i, value in enumerate((1.0, t, t * t, w, t * w, w * w, d, t * d, w * d, d * d)):
+        sums[i] = kept * sums[i] + weight * value
+    n, s_t, s_tt, s_w, s_tw, s_ww, s_d, s_td, s_wd, s_dd = sums
+    tt, tw, td = s_tt - s_t * s_t / n, s_tw - s_t * s_w / n, s_td - s_t * s_d / n
+    if not tt > 0.0:
+        return 1.0, math.inf, math.inf
+    ww = s_ww - s_w * s_w / n - tw * tw / tt  # what neither a place nor a drift explains
+    wd = s_wd - s_w * s_d / n - tw * td / tt
+    dd = s_dd - s_d * s_d / n - td * td / tt
+    if not ww > 0.0:
+        return 1.0, math.inf, math.inf
+    scale = -wd / ww
+    variance = max((dd - wd * wd / ww) / n, _LEAST_SHARE)
+    drift = (td + scale * tw) / tt
+    return scale, math.sqrt(_PERIOD_S * variance / ww), abs(drift) / max(abs(scale), 0.2)
