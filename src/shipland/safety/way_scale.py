@@ -32,7 +32,11 @@ _LEAST_S = 9.0
 """Of poses, before the scale is judged: a shorter way may be a wave's."""
 _STILL_MPS = 0.25
 """A ship that drifts faster is not judged."""
-_UNDER_WAY_MPS, _SURE = 1.0, 0.3
+_LEAST_SCALE = 0.2
+"""For the drift; nothing is so wrong."""
+_DRIFT_S = 5.0
+"""Of poses without an interruption, before the drift is known."""
+_UNDER_WAY_MPS, _SURE = 1.0, 0.12
 """One that drifts faster than this, by a fit that knows the scale so well, is not judged any more."""
 
 
@@ -51,15 +55,19 @@ class WayScale:
         self._waves_m2 = (_WAVES_SHARE * deck_size_m) ** 2
         self.scale, self.sigma = 1.0, math.inf
         self._sums: Array = np.zeros(_SUMS)
-        self._under_way = False
+        self._before: Array = np.zeros(4)
+        """What `_centred` made of earlier stretches of the way."""
+        self._under_way, self._seen_s = False, 0.0
         self._begun: tuple[float, float, float] | None = None
         """Exposure of the first pose, and how far north and east the aircraft was by its own way."""
         self._last_s = 0.0
 
-    def forget(self) -> None:
-        """The vehicle's own way is not known on; begin anew."""
-        self.scale, self.sigma, self._begun = 1.0, math.inf, None
-        self._sums[:] = 0.0
+    def interrupt(self) -> None:
+        """The vehicle does not tell its velocity: how far it goes meanwhile is not known."""
+        if self._begun is not None:
+            self._before += np.array(_centred(self._sums)[:4])
+            self.scale, self.sigma, self._begun = 1.0, math.inf, None
+            self._sums[:] = 0.0
 
     def take(
         self,
@@ -86,14 +94,16 @@ class WayScale:
         step_s, lasted_s = exposure_s - self._last_s, exposure_s - first_s
         if step_s <= 0.0:
             return
-        self._last_s = exposure_s
+        self._last_s, taken_s = exposure_s, min(step_s, _LONGEST_STEP_S)
+        self._seen_s += taken_s
         north_m, east_m = way_m[0] - north_m, way_m[1] - east_m
         way = north_m * math.cos(bar_heading_rad) + east_m * math.sin(bar_heading_rad)
-        weight = min(step_s, _LONGEST_STEP_S) / (self._waves_m2 + max(variance_m2, 0.0))
+        weight = taken_s / (self._waves_m2 + max(variance_m2, 0.0))
         kept = math.exp(-step_s / _MEMORY_S)
-        scale, sigma, drift_mps = _fitted(self._sums, kept, weight, lasted_s, distance_m, way)
-        self._under_way |= drift_mps > _UNDER_WAY_MPS and sigma < _SURE
-        judged = lasted_s >= _LEAST_S and drift_mps < _STILL_MPS and not self._under_way
+        scale, sigma, drift_mps = _fitted(self._sums, self._before, kept, weight, lasted_s, distance_m, way)
+        known = lasted_s >= _DRIFT_S
+        self._under_way |= known and drift_mps > _UNDER_WAY_MPS and sigma < _SURE
+        judged = known and self._seen_s >= _LEAST_S and drift_mps < _STILL_MPS and not self._under_way
         self.scale, self.sigma = (scale, sigma) if judged else (1.0, math.inf)
 
 
@@ -102,20 +112,32 @@ _SUMS = 10
 
 
 @compiled
-def _fitted(sums: Array, kept: float, weight: float, t: float, d: float, w: float) -> tuple[float, float, float]:
-    """Scale, its standard deviation, and the drift, with one pose more."""
-    for i, value in enumerate((1.0, t, t * t, w, t * w, w * w, d, t * d, w * d, d * d)):
-        sums[i] = kept * sums[i] + weight * value
+def _centred(sums: Array) -> tuple[float, float, float, float, float, float, float]:
+    """Of way and distance what neither a place nor a drift explains: w², w·d, d², weight; and t², t·w, t·d."""
     n, s_t, s_tt, s_w, s_tw, s_ww, s_d, s_td, s_wd, s_dd = sums
     tt, tw, td = s_tt - s_t * s_t / n, s_tw - s_t * s_w / n, s_td - s_t * s_d / n
     if not tt > 0.0:
-        return 1.0, math.inf, math.inf
-    ww = s_ww - s_w * s_w / n - tw * tw / tt  # what neither a place nor a drift explains
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    ww = s_ww - s_w * s_w / n - tw * tw / tt
     wd = s_wd - s_w * s_d / n - tw * td / tt
     dd = s_dd - s_d * s_d / n - td * td / tt
-    if not ww > 0.0:
+    return ww, wd, dd, n, tt, tw, td
+
+
+@compiled
+def _fitted(
+    sums: Array, before: Array, kept: float, weight: float, t: float, d: float, w: float
+) -> tuple[float, float, float]:
+    """Scale, its standard deviation, and the drift, with one pose more."""
+    for i, value in enumerate((1.0, t, t * t, w, t * w, w * w, d, t * d, w * d, d * d)):
+        sums[i] = kept * sums[i] + weight * value
+    for i in range(4):
+        before[i] *= kept
+    ww, wd, dd, n, tt, tw, td = _centred(sums)
+    ww, wd, dd, n = ww + before[0], wd + before[1], dd + before[2], n + before[3]
+    if not (ww > 0.0 and tt > 0.0):
         return 1.0, math.inf, math.inf
     scale = -wd / ww
     variance = max((dd - wd * wd / ww) / n, _LEAST_SHARE)
-    drift = (td + scale * tw) / tt
-    return scale, math.sqrt(_PERIOD_S * variance / ww), abs(drift) / max(abs(scale), 0.2)
+    drift_mps = abs(td + scale * tw) / tt / max(abs(scale), _LEAST_SCALE)
+    return scale, math.sqrt(_PERIOD_S * variance / ww), drift_mps
