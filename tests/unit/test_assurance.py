@@ -275,6 +275,14 @@ def test_the_scale_is_not_judged_to_a_ship_under_way_nor_without_an_own_velocity
     assert math.isinf(way(0.7, told=False).sigma)
 
 
+def test_a_way_too_large_to_square_is_forgotten():
+    fit = way(1.0)
+    fit.take(21.0, 1e200, 0.0, (1e200, 0.0), 1e-4)
+    assert math.isinf(fit.sigma)
+    fit.take(22.0, 2.0, 0.0, (10.0, 0.0), 1e-4)
+    assert fit.scale == 1.0
+
+
 def test_a_ships_way_is_no_contradiction():
     flight = Flight(over_deck(1.2), velocity_mps=(3.0, 1.0, 0.0))
     flight.ship_mps = np.array([3.0, 1.0, 0.0])

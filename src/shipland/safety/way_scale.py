@@ -101,9 +101,17 @@ class WayScale:
         weight = taken_s / (self._waves_m2 + max(variance_m2, 0.0))
         kept = math.exp(-step_s / _MEMORY_S)
         scale, sigma, drift_mps = _fitted(self._sums, self._before, kept, weight, lasted_s, distance_m, way)
+        if math.isnan(scale + drift_mps):  # of numbers too large to square
+            self._sums[:], self._before[:], self._begun = 0.0, 0.0, None
         known = lasted_s >= _DRIFT_S
         self._under_way |= known and drift_mps > _UNDER_WAY_MPS and sigma < _SURE
-        judged = known and self._seen_s >= _LEAST_S and drift_mps < _STILL_MPS and not self._under_way
+        judged = (
+            self._begun is not None
+            and known
+            and self._seen_s >= _LEAST_S
+            and drift_mps < _STILL_MPS
+            and not self._under_way
+        )
         self.scale, self.sigma = (scale, sigma) if judged else (1.0, math.inf)
 
 
@@ -115,6 +123,8 @@ _SUMS = 10
 def _centred(sums: Array) -> tuple[float, float, float, float, float, float, float]:
     """Of way and distance what neither a place nor a drift explains: w², w·d, d², weight; and t², t·w, t·d."""
     n, s_t, s_tt, s_w, s_tw, s_ww, s_d, s_td, s_wd, s_dd = sums
+    if not n > 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     tt, tw, td = s_tt - s_t * s_t / n, s_tw - s_t * s_w / n, s_td - s_t * s_d / n
     if not tt > 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
