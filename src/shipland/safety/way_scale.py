@@ -22,6 +22,8 @@ _MEMORY_S = 40.0
 """Old poses are forgotten with this time constant: the drift changes."""
 _LONGEST_STEP_S = 0.5
 """A pose counts for the time since the one before, at most this."""
+_LARGEST = 1e9
+"""What is larger, or no number, is none of a flight's."""
 _WAVES_SHARE = 0.2
 """Of the deck's side, by which the bar moves, beside what poses err by their covariance."""
 _PERIOD_S = 3.0
@@ -86,7 +88,7 @@ class WayScale:
             way_m: the aircraft's own, until then, north and east.
             variance_m2: of the distance.
         """
-        if not all(map(math.isfinite, (exposure_s, distance_m, bar_heading_rad, *way_m, variance_m2))):
+        if not all(abs(told) < _LARGEST for told in (exposure_s, distance_m, bar_heading_rad, *way_m, variance_m2)):
             return
         if self._begun is None:
             self._begun, self._last_s = (exposure_s, *way_m), exposure_s
@@ -101,8 +103,6 @@ class WayScale:
         weight = taken_s / (self._waves_m2 + max(variance_m2, 0.0))
         kept = math.exp(-step_s / _MEMORY_S)
         scale, sigma, drift_mps = _fitted(self._sums, self._before, kept, weight, lasted_s, distance_m, way)
-        if math.isnan(scale + drift_mps):  # of numbers too large to square
-            self._sums[:], self._before[:], self._begun = 0.0, 0.0, None
         known = lasted_s >= _DRIFT_S
         self._under_way |= known and drift_mps > _UNDER_WAY_MPS and sigma < _SURE
         judged = (
