@@ -24,7 +24,6 @@ TYPED = {
 UNMEASURED = frozenset(
     """
     night
-    frigate_recall
     faults
     wake far_rendered frigate_rendered policies envelope
     """.split()  # noqa: SIM905

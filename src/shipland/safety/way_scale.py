@@ -22,7 +22,7 @@ _MEMORY_S = 40.0
 """Old poses are forgotten with this time constant: the drift changes."""
 _LONGEST_STEP_S = 0.5
 """A pose counts for the time since the one before, at most this."""
-_LARGEST = 1e9
+_LARGEST = 1e12
 """What is larger, or no number, is none of a flight's."""
 _WAVES_SHARE = 0.2
 """Of the deck's side, by which the bar moves, beside what poses err by their covariance."""
