@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from shipland.messages import Frame, Observation, Telemetry
-from shipland.safety.cue_height import CueHeight, CueHeightParameters
+from shipland.safety.cue_checks import CueHeight, CueHeightParameters
 from shipland.sim.scene.scene import Scene
 from studies.decoys import DECOYS, Canvas, Picture, decoy_view, hide_bar
 from studies.harness import Case, Column, Row, Study, share

@@ -25,10 +25,10 @@ from shipland.messages import (
 )
 from shipland.rig import Rig
 from shipland.safety.assurance import Safety, SafetyParameters
+from shipland.safety.cue_checks import WayScale
 from shipland.safety.estimate import SafetyEstimate, SafetyEstimator
 from shipland.safety.monitor import Action, Finding, stopping_distance_m
 from shipland.safety.recovery import REFUSED_S, Recovery, Rung, Switch, next_switch, sticks_of
-from shipland.safety.way_scale import WayScale
 
 PARAMETERS = SafetyParameters()
 TABLE = plain(PARAMETERS)

@@ -16,7 +16,7 @@ from shipland.frames import Array
 from shipland.guidance.response import Response
 from shipland.messages import Decision, Intent, Mode, Observation, Override, PilotCommand, Telemetry
 from shipland.rig import Rig
-from shipland.safety.cue_height import CueHeight, CueHeightParameters
+from shipland.safety.cue_checks import CueHeight, CueHeightParameters
 from shipland.safety.estimate import Place, SafetyEstimate, SafetyEstimator, Vector
 from shipland.safety.monitor import Look, MonitorParameters, Ship, findings
 from shipland.safety.recovery import RecoveryParameters, Rung, Switch, next_switch, sticks_of

@@ -25,7 +25,7 @@ from shipland.frames import GRAVITY_MPS2, Array, all_finite, turned, wrap_angle
 from shipland.guidance.view import View
 from shipland.messages import Box, Observation, Telemetry
 from shipland.rig import Rig
-from shipland.safety.way_scale import WayScale
+from shipland.safety.cue_checks import WayScale
 
 Vector = tuple[float, float]
 Place = tuple[float, float, float]

@@ -10,7 +10,7 @@ from shipland.cue import Cue, Polygon
 from shipland.frames import Array
 from shipland.messages import BarPose, GimbalAttitude, Observation, Telemetry
 from shipland.rig import Rig
-from shipland.safety.cue_height import CueHeight, CueHeightParameters
+from shipland.safety.cue_checks import CueHeight, CueHeightParameters
 
 PARAMETERS = CueHeightParameters()
 RIG = Rig()
