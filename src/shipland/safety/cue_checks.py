@@ -1,15 +1,16 @@
 """What the vehicle's own senses say of the cue: the barometer of its height, the way flown of its size.
 
-Height: in a wet deck, or in water, a cue that is alike both ways up is its own reflection, to the last pixel that of a
-cue which hangs lower. No picture tells the two apart; the height of the aircraft does. A pose says how far the camera
-is above or below the cue, the barometer how far above the take-off point: together they say where the cue hangs, whatever
-the aircraft does. Poses that follow one another are the vision's to guard (`track_climb_mps`).
+Height: in a wet deck, or in water, a cue that is alike both ways up is its own reflection, to the last pixel that of
+a cue which hangs lower. No picture tells the two apart; the height of the aircraft does. A pose says how far the
+camera is above or below the cue, the barometer how far above the take-off point: together they say where the cue
+hangs, whatever the aircraft does. Poses that follow one another are the vision's to guard (`track_climb_mps`).
 
-Size: a cue that is not as large as stated, or a focal length that is not the camera's, makes the bar nearer or farther
-by a share, which no picture shows. Own way and poses together do: of a ship without way, the distance to the bar's
-plane changes by what the vehicle travels. Least squares of d = a + c·t − s·w: the distance d, the own way w towards the bar,
-and c for the ship's drift and the velocity's error; s is wanted. What is old is forgotten. A ship with way on is not
-judged: optical flow tells the velocity against the water astern of the deck, and against the deck above it.
+Size: a cue that is not as large as stated, or a focal length that is not the camera's, makes the bar nearer or
+farther by a share, which no picture shows. Own way and poses together do: of a ship without way, the distance to the
+bar's plane changes by what the vehicle travels. Least squares of d = a + c·t − s·w: the distance d, the own way w
+towards the bar, and c for the ship's drift and the velocity's error; s is wanted. What is old is forgotten. A ship
+with way on is not judged: optical flow tells the velocity against the water astern of the deck, and against the deck
+above it.
 """
 
 from __future__ import annotations
