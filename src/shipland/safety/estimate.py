@@ -239,7 +239,7 @@ class SafetyEstimator:
             records["waved_off_s"] = t_s
         pose, deck, bar, ship = observation.bar_pose, observation.deck, observation.bar_box, observation.ship_box
         seen = () if pose is None else (*pose.position_in_bar_m.tolist(), pose.yaw_rad)
-        if math.isnan(told[0] + sum(velocity_mps)):
+        if not math.isfinite(told[0] + sum(velocity_mps)):
             self._way_scale.interrupt()
         if pose is not None and all(map(math.isfinite, seen)):
             _take_pose(records, self._ways, self._sights, t_s, seen, self._camera_in_body_m)

@@ -84,9 +84,9 @@ class MonitorParameters:
     )
     height_leap_m: float = scaled(0.8, "the same of barometer and poses", ge=0.1, le=20)
     scale_off: float = key(
-        0.16,
-        "share by which distances by the cue and the way may differ",
-        "a fifth misses it",
+        0.19,
+        "logarithm of the factor between distances by the cue and the way flown",
+        "past a fifth, the deck's edge",
         gt=0,
         le=9,
     )
