@@ -212,13 +212,7 @@ class WayScale:
         scale, sigma, drift_mps = _fitted(self._sums, self._before, kept, weight, lasted_s, distance_m, way)
         known = lasted_s >= _DRIFT_S
         self._under_way |= known and drift_mps > _UNDER_WAY_MPS and sigma < _SURE
-        judged = (
-            self._begun is not None
-            and known
-            and self._seen_s >= _LEAST_S
-            and drift_mps < _STILL_MPS
-            and not self._under_way
-        )
+        judged = known and self._seen_s >= _LEAST_S and drift_mps < _STILL_MPS and not self._under_way
         self.scale, self.sigma = (scale, sigma) if judged else (1.0, math.inf)
 
 
