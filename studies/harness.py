@@ -6,10 +6,12 @@ import ast
 import hashlib
 import importlib
 import json
+import os
 import platform
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -258,7 +260,13 @@ def run(
     whole = RESULTS / f"{name}.json" if count == study.runs else part
     if not missing and (where or len(_kept(whole, name, study, count)[0]) == len(rows)):
         return True
-    stopped, at_start = False, _digests(study)
+    spent_min = float((read(part) or {}).get("minutes", 0.0)) if rows else 0.0
+    stopped, at_start, begun_s = False, _digests(study), time.monotonic()
+
+    def write(to: Path) -> None:
+        minutes = spent_min + (time.monotonic() - begun_s) / 60.0
+        _write(to, name, study, source_of(name, study, modules, at_start), count, minutes, rows)
+
     with (
         ProcessPoolExecutor(1 if study.alone else workers, get_context("spawn"), _begin_worker) as pool,
         Progress() as progress,
@@ -274,7 +282,7 @@ def run(
                     except CancelledError:
                         continue
                     rows, modules = rows + measured, modules | files
-                    _write(part, name, study, source_of(name, study, modules, at_start), count, rows)
+                    write(part)
                     progress.advance(bar)
                     break
             except KeyboardInterrupt:
@@ -283,7 +291,7 @@ def run(
     if stopped or where:
         return not stopped
     rows = [row for case in cases for row in rows_of(rows, case)]
-    _write(whole, name, study, source_of(name, study, modules, at_start), count, rows)
+    write(whole)
     if study.picture:
         study.picture(rows, (PICTURES if count == study.runs else PARTS) / f"{name}.png")
     return True
@@ -328,7 +336,13 @@ def confirm(name: str, study: Study, workers: int = 2) -> str:
 
 
 def _write(
-    path: Path, name: str, study: Study, source: Mapping[str, str], runs: int, rows: Sequence[Mapping[str, Any]]
+    path: Path,
+    name: str,
+    study: Study,
+    source: Mapping[str, str],
+    runs: int,
+    minutes: float,
+    rows: Sequence[Mapping[str, Any]],
 ) -> None:
     trial = "" if runs == study.runs else f" --runs {runs}"
     table = {
@@ -336,7 +350,8 @@ def _write(
         "command": f"python -m studies {name}{trial}",
         "commit": code_version(),
         "source": source,
-        "machine": f"{platform.system()} {platform.machine()}",
+        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} × {_processor()}",
+        "minutes": round(minutes, 1),
         "drawn_by": _renderer() if "src/shipland/sim/scene/gl.py" in source["modules"].split() else None,
         "interpreter": f"{platform.python_implementation()} {platform.python_version()}",
         "confidence": 0.95,
@@ -344,6 +359,16 @@ def _write(
         "rows": rows,
     }
     _dump(path, table)
+
+
+def _processor() -> str:
+    """Its name, where the system tells it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return named[0] if named else platform.processor() or "a processor"
 
 
 @cache

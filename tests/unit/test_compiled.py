@@ -7,6 +7,7 @@ import pytest
 
 from shipland import compiled as module
 from shipland.compiled import cache_folder, compiled
+from shipland.environments.landing import LandingEnv
 
 COMPILED = "from shipland.compiled import compiled\n\n\n@compiled\ndef f(x):\n    return x + {}\n"
 
@@ -75,3 +76,10 @@ def test_a_first_flight_says_that_it_compiles_and_a_second_does_not(tmp_path, mo
     module.say_that_it_compiles()
     assert not module.compiles_for_all()  # each process compiles for itself
     assert "each time: no cache folder can be written" in caplog.messages[1]
+
+
+def test_an_environment_says_so_too(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(module, "cache_folder", lambda _: tmp_path)
+    monkeypatch.setattr(module._SETTINGS, "DISABLE_JIT", 0)
+    LandingEnv("near").close()
+    assert caplog.messages == ["compiling for this processor, once; takes about a minute"]

@@ -125,10 +125,14 @@ def test_a_study_that_was_stopped_resumes_with_the_missing_cases(study, tmp_path
     monkeypatch.setattr(harness, "ProcessPoolExecutor", lambda workers, *_: ThreadPoolExecutor(workers))
     assert not harness.run("two", stopping, workers=1)
     assert not (tmp_path / "results" / "two.json").exists()
+    part = tmp_path / "parts" / "two-3.json"
+    part.write_text(json.dumps(harness.read(part) | {"minutes": 7.0}))
     assert harness.run("two", stopping, workers=1)
     assert measured == [1, 2, 2]
-    rows = harness.read(tmp_path / "results" / "two.json")["rows"]
-    assert [row["twice"] for row in rows] == [2, 4]
+    found = harness.read(tmp_path / "results" / "two.json")
+    assert [row["twice"] for row in found["rows"]] == [2, 4]
+    assert 7.0 <= found["minutes"] < 8.0, "what was spent before the stop counts"
+    assert " × " in found["machine"]
     assert harness.run("two", stopping, workers=1)
     assert measured == [1, 2, 2]
 

@@ -57,6 +57,7 @@ class See(PictureOptions):
 
     def run(self) -> int:
         """Look at every picture and say what is in it."""
+        from shipland.compiled import say_that_it_compiles
         from shipland.errors import DataError
         from shipland.record.reader import read_log
         from shipland.report.drawings import draw_observation
@@ -68,6 +69,7 @@ class See(PictureOptions):
         logs = {path: read_log(path) for path in self.paths if is_log(path)}
         cue, (camera, whose) = self._cue(scenario.rig.cue, logs), self._camera(scenario.camera, logs)
         attitudes, known = self._attitudes(logs), dict[Path, list[bool]]()
+        say_that_it_compiles()
         with Results(self, COLUMNS, lambda it: draw_observation(it.picture.image, it.observation)) as results:
             found = see_paths(self.paths, cue, camera, results.broken, scenario.vision, attitudes.get)
             for number, result in enumerate(found):

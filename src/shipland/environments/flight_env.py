@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from shipland import factories
 from shipland.camera import Camera
+from shipland.compiled import say_that_it_compiles
 from shipland.config import unknown_key
 from shipland.environments.actions import ActionPilot
 from shipland.errors import ConfigError
@@ -178,6 +179,7 @@ class FlightEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]], Generic[Seen]):
         source = scenario.table() if isinstance(scenario, Scenario) else scenario
         self.scenario = load_scenario(source, **(overrides or {}))
         self._vision = factories.resolve("visions", vision)
+        say_that_it_compiles()
         self.render_mode = render_mode
         self._views: FlightViews | None = None
         self._flight: SteppedFlight | None = None

@@ -14,6 +14,7 @@ import numpy as np
 
 from shipland import factories
 from shipland.camera import Camera
+from shipland.compiled import say_that_it_compiles
 from shipland.config import merge, settings
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation.folder import read_campaign
@@ -203,6 +204,7 @@ def replay(recording: Recording, on_cycle: Callable[[FlightRecord], object] = la
     DataError where the vision wants pictures and there are none, ConfigError where pilot or vision is not known.
     """
     wants_pictures = needs_pictures(factories.resolve("visions", recording.vision))
+    say_that_it_compiles()
     autonomy = build_autonomy(recording.scenario, recording.vehicle, recording.pilot, recording.vision, recording.seed)
     rows, pairs = {record.frame.t_s: record for record in recording.records}, []
     nobody_flew = (cycle.record for cycle in cycles(recording.vehicle, autonomy, time.perf_counter))

@@ -81,8 +81,9 @@ class Cell:
         object.__setattr__(self, "name", f"{self.group}_{re.sub(r'[^0-9A-Za-z_.-]', '.', pilot)}")
 
 
-def load_suite(source: str) -> Suite:
+def load_suite(source: str | Path) -> Suite:
     """The packaged suite of that name, or the one in a TOML file; ConfigError names what is wrong."""
+    source = str(source)
     if source.endswith(".toml"):
         table = read_toml(Path(source))
     elif source in packaged_names("suites"):
