@@ -60,7 +60,7 @@ STUDY = Study(
         "environment": Column("environment (`near`)"),
         "steps": Column("steps", "d"),
         "steps_hz": Column("steps a second", ".0f"),
-        "real_time": Column("× real time", ".0f"),
+        "real_time": Column("× real time", ".1f"),
         "reset_s": Column("reset [ms]", ".0f", 1e3),
     },
     cases=cases,
