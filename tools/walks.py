@@ -66,6 +66,20 @@ class Walk:
     by_hand: str = "nothing"
 
 
+def as_written(page: str) -> tuple[str, ...]:
+    """The steps of a page of the documentation: files whose first line names them, Python, and what is typed."""
+    steps, text = [], (ROOT / "docs" / page).read_text(encoding="utf-8")
+    for kind, block in re.findall(r"```(\w+)\n(.*?)```", text, re.DOTALL):
+        named = re.match(r"# (\S+\.\w+)\n", block)
+        if named:
+            steps.append(f"cat >{named[1]} <<'END'\n{block}END")
+        elif kind == "py":
+            steps.append(f"python - <<'END'\n{block}END")
+        elif kind == "console":
+            steps += re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]
+    return tuple(step.strip() for step in steps)
+
+
 WALKS = {
     "base": Walk(
         "the wheel without extras",
@@ -104,6 +118,12 @@ WALKS = {
             "shipland again out/sweep/near_mean_mps=4_horizon --seed 3",
         ),
         "write the pilot",
+    ),
+    "own": Walk(
+        "a researcher with a rival, a ship and a deck motion of their own",
+        "{wheel}",
+        as_written("how-to/add-your-own.md"),
+        "write them; here those of the page",
     ),
     "tester": Walk(
         "a flight tester with a film and an own cue",

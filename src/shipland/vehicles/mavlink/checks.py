@@ -129,7 +129,7 @@ def _transmitter(state: AutopilotState, limits: VehicleLimits, now_s: float) -> 
             return Check("transmitter", True, words)
         throttle_us = state.sticks_us[2]
         advice = ""
-        if not state.armed:
+        if not state.armed and state.autopilot != PX4:
             advice = ": an ArduPilot arms with it at the bottom only; to take over by stick, put it in the middle"
         elif not _THROTTLE_US[0] <= throttle_us <= _THROTTLE_US[1]:
             advice = ": put it in the middle, or taking over by stick begins with a climb or a descent"
