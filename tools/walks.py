@@ -121,7 +121,7 @@ WALKS = {
     ),
     "own": Walk(
         "a researcher with a rival, a ship and a deck motion of their own",
-        "{wheel}",
+        "{wheel}[plots]",
         as_written("how-to/add-your-own.md"),
         "write them; here those of the page",
     ),

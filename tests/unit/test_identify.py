@@ -67,6 +67,25 @@ def test_the_attitude_loop_is_found() -> None:
     assert found.drag_per_s == pytest.approx(0.3, abs=0.2)
 
 
+@pytest.mark.parametrize("axis", ["pitch", "roll", "heave", "yaw"])
+@pytest.mark.parametrize("kind", ["attitude", "velocity"])
+def test_an_axis_that_answers_the_other_way_round_is_named(kind: str, axis: str) -> None:
+    """As behind a bridge that takes z for up where it is down."""
+    rows = []
+    for row in flown(kind):
+        command, name = row.decision.command, f"{axis}_percent"
+        turned = replace(command, **{name: -getattr(command, name)})
+        rows.append(replace(row, decision=replace(row.decision, command=turned)))
+    with pytest.raises(DataError, match=f"^{axis}: the vehicle answers the other way round"):
+        identify(rows)
+
+
+def test_holding_against_a_strong_wind_does_not_look_like_it() -> None:
+    """Released sticks hold with more tilt than the full stick gives, which flies with the wind at first."""
+    flight = fly(load_scenario("near", wind={"mean_mps": 9.0}, time_limit_s=30.0), seed=3)
+    identify(flight.records)
+
+
 def test_what_stands_on_the_deck_tells_nothing() -> None:
     rows = list(flown("attitude", 25.0))
     last = rows[-1]

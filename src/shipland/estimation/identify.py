@@ -26,6 +26,9 @@ LEAST_STICK_PERCENT = 3.0
 """Standard deviation of a stick below which its axis is left out."""
 LEAST_EXPLAINED = 0.3
 """Share of the variance that the sticks must explain, or the axis is left out."""
+REVERSED_EXPLAINED, REVERSED_WAYS = 0.6, 0.1
+"""The same of an axis that answers the other way round, and the share of time that its stick was moved to either side:
+released sticks hold against wind, which a stick to one side alone looks the reverse of."""
 _STEP_S = 0.01
 _LEAST_ROWS = 50
 _Axis = TypeVar("_Axis", "FirstOrder", "SpeedLoop")
@@ -141,7 +144,7 @@ def identify(records: Sequence[FlightRecord]) -> Identified:
     A landing's rows are left out: it ends on a surface, where no stick is answered.
 
     Raises:
-        DataError: too few rows in flight, or sticks that were never moved.
+        DataError: too few rows in flight, sticks that were never moved, or an axis that answers the other way round.
     """
     rows = [row for row in records if row.telemetry.flying and row.decision.command.intent is not Intent.LAND]
     if len(rows) < _LEAST_ROWS:
@@ -154,15 +157,21 @@ def identify(records: Sequence[FlightRecord]) -> Identified:
     )
     velocity_s, velocity = _velocity(rows)
     tilt_s, tilt = _tilt(rows)
-    level_tilt = _best([_fit(sent_s, pitch, tilt_s, -tilt[:, 1]), _fit(sent_s, roll, tilt_s, tilt[:, 0])])
-    level_speed = _best(
-        [_fit(sent_s, pitch, velocity_s, velocity[:, 0]), _fit(sent_s, roll, velocity_s, velocity[:, 1])]
-    )
     heading_s, heading_rad = _heading(rows)
-    climb, turn = (
-        _fit(sent_s, heave, velocity_s, -velocity[:, 2]),
-        _fit(sent_s, yaw, heading_s, heading_rad, summed=True),
-    )
+    fits = {
+        "pitch": (_fit(sent_s, pitch, tilt_s, -tilt[:, 1]), _fit(sent_s, pitch, velocity_s, velocity[:, 0])),
+        "roll": (_fit(sent_s, roll, tilt_s, tilt[:, 0]), _fit(sent_s, roll, velocity_s, velocity[:, 1])),
+        "heave": (_fit(sent_s, heave, velocity_s, -velocity[:, 2]),),
+        "yaw": (_fit(sent_s, yaw, heading_s, heading_rad, summed=True),),
+    }
+    known = {name: [fit for fit in found if fit is not None] for name, found in fits.items()}
+    if wrong := [name for name, found in known.items() if found and all(fit.full < 0.0 for fit in found)]:
+        raise DataError(
+            f"{', '.join(wrong)}: the vehicle answers the other way round, or tells its motion so. Forward, right, up "
+            "and clockwise are positive: mend the axes of what stands between before it flies"
+        )
+    level_tilt, level_speed = (_best(pair) for pair in zip(fits["pitch"], fits["roll"], strict=True))
+    (climb,), (turn,) = fits["heave"], fits["yaw"]
     if level_tilt is None and level_speed is None and climb is None and turn is None:
         raise DataError("no stick was moved enough, or nothing answered; fly a log in which every stick moves")
     by_speed = level_speed is not None and (level_tilt is None or level_speed.explained > level_tilt.explained)
@@ -212,7 +221,10 @@ def _speed_loop(
 
 
 def _fit(sent_s: Array, stick: Array, t_s: Array, values: Array, summed: bool = False) -> FirstOrder | None:
-    """The lag that explains values (n,) at times (n,) by a stick (m,) in −1 … 1; `summed`: their rate follows it."""
+    """The lag that explains values (n,) at times (n,) by a stick (m,) in −1 … 1; `summed`: their rate follows it.
+
+    Of an axis that answers the other way round, surely, `full` is negative.
+    """
     if len(t_s) < _LEAST_ROWS or 100.0 * float(np.std(stick)) < LEAST_STICK_PERCENT:
         return None
     grid_s = np.arange(sent_s[0], sent_s[-1] + _STEP_S, _STEP_S)
@@ -239,7 +251,10 @@ def _fit(sent_s: Array, stick: Array, t_s: Array, values: Array, summed: bool = 
 
     lag_s, delay_s = _bounded(minimize(left_over, begin, method="Nelder-Mead", options={"maxiter": 150}).x)
     full, left = solved(lag_s, delay_s)
-    if full <= 0.0 or 1.0 - left < LEAST_EXPLAINED:
+    both_ways = min(np.mean(100.0 * held > LEAST_STICK_PERCENT), np.mean(100.0 * held < -LEAST_STICK_PERCENT))
+    if full <= 0.0 and both_ways < REVERSED_WAYS:
+        return None
+    if 1.0 - left < (LEAST_EXPLAINED if full > 0.0 else REVERSED_EXPLAINED):
         return None
     return FirstOrder(full, lag_s, delay_s, 1.0 - left)
 
@@ -259,7 +274,7 @@ def _lagged(values: Array, lag_s: float) -> Array:
 
 def _best(found: Sequence[_Axis | None]) -> _Axis | None:
     """The mean of two axes that should be alike, weighted by what they explain."""
-    known = [axis for axis in found if axis is not None]
+    known = [axis for axis in found if axis is not None and axis.full > 0.0]
     if not known:
         return None
     weights = np.array([axis.explained for axis in known])
