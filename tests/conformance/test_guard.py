@@ -41,7 +41,7 @@ class Air:
     """A guard between a vehicle and us, on a clock of its own."""
 
     def __init__(self, autopilot: int = 3, mode: int = GUIDED, key: bytes | None = None) -> None:
-        self.autopilot, self.mode, self.armed, self.t_s = autopilot, mode, True, 100.0
+        self.autopilot, self.mode, self.armed, self.t_s, self.lag_s = autopilot, mode, True, 100.0, 0.0
         self.vehicle = Codec(1, 1, key)
         session = Session(Nowhere(), 245, 191, None, key, None, lambda *_: None)
         session.link.take(self._heartbeat(self.vehicle), "air:1", 0.0)
@@ -56,7 +56,9 @@ class Air:
 
     def beat(self, codec: Codec | None = None) -> None:
         self.beat_s = self.t_s
-        self.guard.hear_vehicle(self._heartbeat(codec or self.vehicle), self.t_s)
+        answer = m.MAVLink_timesync_message(1, int(1e9 * (self.t_s - self.lag_s)))
+        for data in ((codec or self.vehicle).encode(answer), self._heartbeat(codec or self.vehicle)):
+            self.guard.hear_vehicle(data, self.t_s)
 
     def set_point(self, heading_rad: float = 1.0) -> None:
         c, s = math.cos(0.5 * heading_rad), math.sin(0.5 * heading_rad)
@@ -115,6 +117,21 @@ def test_a_signed_guard_that_has_waited_for_minutes_is_still_believed(monkeypatc
     air.seen.signing.timestamp = int((later_s - 1420070400) * 1e5)
     air.set_point()
     assert VELOCITY in air.go(1.0)
+
+
+def test_on_a_link_that_lags_no_mode_is_asked_for() -> None:
+    """The heartbeat of our mode is two seconds old: a person may have chosen another since."""
+    air = Air()
+    air.lag_s = 2.0
+    air.go(2.0)
+    air.set_point()
+    air.guard.lose_us(air.t_s)
+    names = air.go(4.0)
+    assert VELOCITY in names
+    assert names.count("TIMESYNC") >= 12, "it asks itself how late what it hears is"
+    assert COMMAND not in names
+    air.lag_s = 0.3
+    assert COMMAND in air.go(1.1)
 
 
 @pytest.mark.parametrize("autopilot", [3, 12])

@@ -272,11 +272,25 @@ def test_a_pilot_at_the_sticks_gets_a_mode_that_obeys_them_though_requests_are_l
     with bench() as (vehicle, autopilot, _):
         vehicle.open()
         assert fly(vehicle, 0.3, 10.0, 0.0, 0.0, 0.0)
-        autopilot.say("deaf 1")
+        autopilot.say("deaf 4")
         autopilot.say("sticks 1500 1700")
         assert not fly(vehicle, 3.0, 10.0, 0.0, 0.0, 0.0)
-        until(lambda: autopilot.report()["mode"] == 5)
-        assert vehicle.in_command == "the pilot (LOITER)" or vehicle.in_command.startswith("nobody: the pilot moved")
+        vehicle.close()  # as the loop does at once
+        assert autopilot.report()["mode"] == 2
+        assert vehicle.in_command in ("the pilot (ALT_HOLD)", "nobody: the pilot moved the sticks")
+
+
+@pytest.mark.parametrize(("denied", "mode"), [("5", 2), ("5 2", 17)])
+def test_a_pilot_at_the_sticks_is_not_left_in_our_mode_where_modes_are_refused(denied: str, mode: int) -> None:
+    """LOITER without a position, ALT_HOLD without a barometer; the flight ends at once, the requests go on."""
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.3, 10.0, 0.0, 0.0, 0.0)
+        autopilot.say(f"deny {denied}")
+        autopilot.say("sticks 1500 1700")
+        assert not fly(vehicle, 3.0, 10.0, 0.0, 0.0, 0.0)
+        vehicle.close()
+        assert autopilot.report()["mode"] == mode
 
 
 def test_a_vehicle_that_obeys_no_sticks_holds_when_they_are_moved() -> None:
@@ -288,7 +302,8 @@ def test_a_vehicle_that_obeys_no_sticks_holds_when_they_are_moved() -> None:
         assert fly(vehicle, 0.3, 10.0, 0.0, 0.0, 0.0)
         autopilot.say("sticks 1500 1700")
         assert not fly(vehicle, 3.0, 10.0, 0.0, 0.0, 0.0)
-        assert until(lambda: autopilot.report()["mode"] == HOLDS["px4"])
+        vehicle.close()
+        assert autopilot.report()["mode"] == HOLDS["px4"]
 
 
 def test_where_the_throttle_stick_belongs_is_said_in_the_air_and_on_the_ground() -> None:
@@ -669,6 +684,51 @@ def test_a_persons_landing_is_not_taken_for_one_that_was_denied(intent: Intent) 
         assert given <= before + 6  # 50 a second, until one of ten heartbeats a second tells the mode
         time.sleep(0.5)
         assert set_points(autopilot) == given
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_an_own_landing_that_is_given_when_it_is_not_wanted_any_more_ends_in_a_hold(kind: str) -> None:
+    """Granted, and not told yet, when the pilot goes around: it would land where it is, perhaps in the sea."""
+    with bench(kind, engagement=Engagement(take=True, own_landing=True)) as (vehicle, autopilot, _):
+        vehicle.open()
+        autopilot.say("lag 0.6")
+        assert fly(vehicle, 2.0, 0.0, 0.0, 0.0, 0.0)
+        assert fly(vehicle, 0.3, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert autopilot.report()["mode"] == OWN_LANDING[kind]
+        assert not fly(vehicle, 4.0, 0.0, 0.0, 50.0, 0.0, intent=Intent.GO_AROUND)
+        assert "not wanted any more" in vehicle.end_reason
+        vehicle.close()
+        assert autopilot.report()["mode"] == HOLDS[kind]
+
+
+def test_on_a_link_that_lags_our_end_takes_no_mode_from_a_person() -> None:
+    """The heartbeat that shows our mode is two seconds old."""
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        autopilot.say("lag 2")
+        assert fly(vehicle, 3.5, 10.0, 0.0, 0.0, 0.0)
+        autopilot.say("mode 5")
+        assert until(lambda: autopilot.report()["mode"] == 5)
+        vehicle.close()
+        assert autopilot.report()["mode"] == 5
+
+
+def test_a_heartbeat_of_another_program_as_component_1_is_not_the_autopilots() -> None:
+    with bench() as (vehicle, _, _):
+        vehicle.open()
+        beat = dialect.MAVLink_heartbeat_message(18, dialect.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
+        link = vehicle.session.link
+        link.take(Codec(1, 1).encode(beat), link._peer, time.monotonic())
+        assert fly(vehicle, 0.5, 10.0, 0.0, 0.0, 0.0), vehicle.end_reason
+
+
+def test_a_transmitter_that_is_told_of_too_seldom_is_warned_of() -> None:
+    with bench() as (vehicle, autopilot, _):
+        vehicle.connect()
+        words = lambda: {check.name: check.words for check in vehicle.checks()}["messages"]  # noqa: E731
+        assert until(lambda: "WARNING" not in words())
+        autopilot.say("withhold RC_CHANNELS")
+        assert until(lambda: "a takeover by stick is seen late" in words())
 
 
 def test_a_pilots_mode_ends_the_autopilots_own_landing_too() -> None:

@@ -25,6 +25,7 @@ _NEEDED_FOR = {
     "HEARTBEAT": "a takeover by mode is seen late",
     "LOCAL_POSITION_NED": "no touchdown is seen, and no motor stopped",
     "VFR_HUD": "no touchdown is seen, and no motor stopped",
+    "RC_CHANNELS": "a takeover by stick is seen late",
 }
 """What becomes of a flight in which a message comes less often."""
 
@@ -85,9 +86,10 @@ def gimbal_check(state: AutopilotState) -> Check:
 
 def _messages(session: Session) -> Check:
     """Requested messages may have been refused, or the requests lost."""
-    found_hz = {name: rate_hz(session.came_s(name)) for name in _NEEDED_FOR}
+    wanted = set(_NEEDED_FOR) - (set() if transmitter_heard(session.state, time.monotonic()) else {"RC_CHANNELS"})
+    found_hz = {name: rate_hz(session.came_s(name)) for name in _NEEDED_FOR if name in wanted}
     words = ", ".join(f"{name} {hz:.0f} Hz" for name, hz in found_hz.items())
-    lacking = dict.fromkeys(text for name, text in _NEEDED_FOR.items() if found_hz[name] < _NEEDED_HZ)
+    lacking = dict.fromkeys(_NEEDED_FOR[name] for name, hz in found_hz.items() if hz < _NEEDED_HZ)
     if lacking:
         words = f"WARNING: {words}, at least {_NEEDED_HZ:g}: {'; '.join(lacking)}"
     return Check("messages", True, words)

@@ -17,6 +17,10 @@ _ASKS = 3
 """Number of requests for the holding mode."""
 _ASK_S = 0.8
 """Time between two requests: below a second, the time between two heartbeats."""
+_TIME_S = 0.25
+"""Time between two questions of the time."""
+ANSWERED_S = 1.5
+"""Age of the newest question of the time that was answered, beyond which the link lags: what comes may be as old."""
 FRESH_S = 0.1
 """Largest age of a heartbeat that shows the present mode."""
 _ALONE_S = 5.0
@@ -79,11 +83,13 @@ class Guard:
         """Quaternion of the last commanded heading."""
         self._heard_s = -math.inf
         """Newest heartbeat that did not wait for us."""
+        self._answered_s = -math.inf
+        """When the newest question of the time that was answered was put: what comes now is no older."""
         self._set_point_s: float | None = None
         """Newest set-point of ours that was obeyed; None: nothing to guard."""
         self._gone_s: float | None = None
         """End of our process."""
-        self._turn_s = self._beat_s = self._ask_s = -math.inf
+        self._turn_s = self._beat_s = self._ask_s = self._time_s = -math.inf
         self._asks = 0
         self.taken = False
         """Whether the vehicle was taken while our process was silent: it is not ours again, whatever mode comes."""
@@ -112,7 +118,11 @@ class Guard:
         """
         for message in self._codec.decode_some(data, self._stream)[0]:
             sender = message.get_srcSystem(), message.get_srcComponent()
-            if message.get_type() != "HEARTBEAT" or sender != (self._orders.vehicle, dialect.MAV_COMP_ID_AUTOPILOT1):
+            if sender != (self._orders.vehicle, dialect.MAV_COMP_ID_AUTOPILOT1):
+                continue
+            if message.get_type() == "TIMESYNC" and message.tc1 > 0 and 1e-9 * message.ts1 <= now_s:
+                self._answered_s = max(self._answered_s, 1e-9 * message.ts1)
+            if message.get_type() != "HEARTBEAT" or message.autopilot == dialect.MAV_AUTOPILOT_INVALID:
                 continue
             armed = message.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED
             self._heard_s = self._heard_s if waited else now_s
@@ -153,9 +163,13 @@ class Guard:
         if now_s - self._beat_s >= _BEAT_S:
             self._beat_s = now_s
             messages.append(self._beat)
+        if now_s - self._time_s >= _TIME_S:
+            self._time_s = now_s
+            messages.append(dialect.MAVLink_timesync_message(0, int(1e9 * now_s)))
         silent = self._gone_s is not None or now_s - self._set_point_s >= self._orders.silence_s
         # only straight after a heartbeat of our mode: a mode that a person chose since must not be taken away
-        if silent and heard_ago_s < FRESH_S and self._asks < _ASKS and now_s - self._ask_s >= _ASK_S:
+        known = heard_ago_s < FRESH_S and now_s - self._answered_s <= ANSWERED_S
+        if silent and known and self._asks < _ASKS and now_s - self._ask_s >= _ASK_S:
             self._asks, self._ask_s = self._asks + 1, now_s
             messages.append(self._ask)
         return [self._codec.encode(message) for message in messages]

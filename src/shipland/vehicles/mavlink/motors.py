@@ -6,14 +6,13 @@ import math
 
 from shipland.messages import Intent, PilotCommand
 from shipland.vehicles.mavlink.dialect import dialect
+from shipland.vehicles.mavlink.guard import ANSWERED_S
 from shipland.vehicles.mavlink.modes import mode_known
 from shipland.vehicles.mavlink.parameters import MavlinkParameters
 from shipland.vehicles.mavlink.session import FORCE, Session
 from shipland.vehicles.mavlink.state import AutopilotState
 from shipland.vehicles.touchdown import ContactSignals, GroundContact, TouchdownParameters, TouchdownWatch
 
-_ANSWERED_S = 1.5
-"""Oldest answered question of the time that counts: on a link that lags, what seems new is old."""
 _RANGE_S = 1.0
 """Largest age of a rangefinder's reading that counts."""
 
@@ -42,7 +41,7 @@ class MotorStop:
         )
         contact = self._watch.see(touch)
         # otherwise it may have been taken over, and off the deck, since
-        known = mode_known(state, now_s) and now_s - state.asked_s <= _ANSWERED_S
+        known = mode_known(state, now_s) and now_s - state.asked_s <= ANSWERED_S
         if contact is GroundContact.STANDS and state.armed and known:
             self._disarm(state, now_s)
         elif contact is GroundContact.NONE:

@@ -13,7 +13,7 @@ from shipland.errors import VehicleError
 from shipland.stopping import check_stop, sleep_or_stop
 from shipland.vehicles.gimbal import Reading
 from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
-from shipland.vehicles.mavlink.guard import Orders
+from shipland.vehicles.mavlink.guard import ANSWERED_S, Orders
 from shipland.vehicles.mavlink.link import LinkCounts, MavlinkLink
 from shipland.vehicles.mavlink.modes import GUIDED, GUIDED_NOGPS, PX4_OFFBOARD, mode_known, modes_of
 from shipland.vehicles.mavlink.setpoints import AUTOPILOT, level_message, velocity_message
@@ -41,11 +41,13 @@ _PARAMETERS_S = 3.0
 """Timeout of the answers for parameters."""
 _HISTORY = 512
 """Attitudes that are kept: ten seconds."""
-_COUNTED = ("HEARTBEAT", "LOCAL_POSITION_NED", "VFR_HUD")
+_COUNTED = ("HEARTBEAT", "LOCAL_POSITION_NED", "VFR_HUD", "RC_CHANNELS")
 """The autopilot's messages whose receipts are kept: by them a takeover and a touchdown are seen."""
 _PATIENT_HAND_OVERS = 3
 """Requests for a mode that keeps the place, for a pilot at the sticks, before one that keeps the height, and as many
 for that before one that holds by itself."""
+HAND_OVERS = 2 * _PATIENT_HAND_OVERS + 1
+"""Requests until each of these modes was asked for."""
 _MULTICOPTERS = {2, 3, 4, 13, 14, 15, 29, 35, 43}
 """MAV_TYPE; a mode's number means something else on an ArduPilot of another kind."""
 _PX4_VTOLS = set(range(19, 26))
@@ -171,11 +173,18 @@ class Session:
     def command(self, number: int, *parameters: float) -> bool:
         """Send COMMAND_LONG; its acknowledgement shows in the state. Whether it was sent.
 
-        A mode is asked for only while the present one is known: a person may have chosen another since.
+        A mode is asked for only while the present one is known, over a link that does not lag: a person may have
+        chosen another since.
         """
-        state = self.state
-        if number == _SET_MODE and not (mode_known(state, time.monotonic()) and state.heartbeat_s > self.awake_s):
+        lags = not time.monotonic() - self.state.asked_s <= ANSWERED_S
+        if number == _SET_MODE and (lags or not self._mode_known()):
             return False
+        return self._send_command(number, *parameters)
+
+    def _mode_known(self) -> bool:
+        return mode_known(self.state, time.monotonic()) and self.state.heartbeat_s > self.awake_s
+
+    def _send_command(self, number: int, *parameters: float) -> bool:
         values = [*map(float, parameters), *[0.0] * (7 - len(parameters))]
         return self.link.send(dialect.MAVLink_command_long_message(self.link.vehicle, AUTOPILOT, number, 0, *values))
 
@@ -258,12 +267,13 @@ class Session:
         """Ask for a mode that obeys the sticks, without waiting for the answer; whether it was asked for.
 
         Args:
-            attempt: from 0; a mode that keeps the place may be refused for want of one, and then the height is kept; a
-                vehicle that obeys no sticks refuses both, and is to hold.
+            attempt: from 0, below `HAND_OVERS`; a mode that keeps the place may be refused for want of one, and then
+                the height is kept; a vehicle that obeys no sticks refuses both, and is to hold.
         """
         modes = modes_of(self.state)
         mode = (modes.stick_place, modes.stick_height, modes.hold)[min(attempt // _PATIENT_HAND_OVERS, 2)]
-        return self.command(_SET_MODE, 1, *mode)
+        # over a link that lags too: in ours the sticks are dead
+        return self._mode_known() and self._send_command(_SET_MODE, 1, *mode)
 
     def read_parameters(self, names: Sequence[str], enough: Callable[[Mapping[str, float]], bool]) -> dict[str, float]:
         """The values of those parameters that the vehicle has.

@@ -217,6 +217,8 @@ def _alerted(state: AutopilotState, about: str, received_s: float, words: str) -
 
 
 def _heartbeat(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
+    if it.autopilot == dialect.MAV_AUTOPILOT_INVALID:  # another program's, which speaks as component 1
+        return state
     armed = bool(it.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
     state = _alerted(state, "autopilot", received_s, heartbeat_alert(it))
     return replace(

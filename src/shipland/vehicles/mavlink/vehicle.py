@@ -32,7 +32,7 @@ from shipland.vehicles.mavlink.parameters import (
     response_within,
 )
 from shipland.vehicles.mavlink.publish import Mounting, tell
-from shipland.vehicles.mavlink.session import Session
+from shipland.vehicles.mavlink.session import HAND_OVERS, Session
 from shipland.vehicles.mavlink.setpoints import AUTOPILOT, attitude_message, velocity_message
 from shipland.vehicles.mavlink.setup import MavlinkSetup, open_session
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
@@ -51,6 +51,8 @@ _ASK_HEARTBEAT_S = 0.15
 """Age at which a heartbeat is requested: a PX4 says one a second and no more, and only a fresh one shows the mode."""
 _HAND_OVER_S = 0.5
 """From one request for a mode to the next."""
+_GRANTED_S = 2.0
+"""A mode that we asked for may still be given for so long."""
 
 
 class MavlinkVehicle(SetpointVehicle):
@@ -63,7 +65,7 @@ class MavlinkVehicle(SetpointVehicle):
         self._setup = setup
         self._session: Session | None = None
         self._control = Control(self._parameters.stick_takeover_us, self._parameters.kind == "velocity")
-        self._opening = False
+        self._opening = self._lands = False
         self._hand_overs, self._handed_s = 0, -math.inf
         self._beat_s = self._asked_s = self._asked_heartbeat_s = -math.inf
         self._response: Response | None = None
@@ -145,7 +147,7 @@ class MavlinkVehicle(SetpointVehicle):
                     velocity_message(HOLD, session.link.vehicle, int(1e3 * time.monotonic()) & 0xFFFFFFFF)
                 )
                 session.ask_hold(self._control.answers_for)
-            until_s = time.monotonic() + 3.0 * _HAND_OVER_S
+            until_s = time.monotonic() + (HAND_OVERS + 1) * _HAND_OVER_S
             while self._control.by_sticks and time.monotonic() < until_s:
                 time.sleep(0.02)  # the set-points' thread is asking for a mode that obeys the pilot
 
@@ -242,7 +244,11 @@ class MavlinkVehicle(SetpointVehicle):
         if control.by_sticks:
             self._hand_over(state, now_s)
         if control.lands(state):
-            self._aim(self._newest(now_s), now_s)
+            newest = self._newest(now_s)
+            if not (self._lands or (newest is not None and newest.intent is Intent.LAND)):
+                self._end("the autopilot began its own landing when that was not wanted any more; the vehicle holds")
+            self._lands = True
+            self._aim(newest, now_s)
         if not self._may_command(state):
             return
         if not self._engaged:
@@ -291,7 +297,7 @@ class MavlinkVehicle(SetpointVehicle):
     def _let_it_land(self, landing: bool, state: AutopilotState, now_s: float) -> None:
         """Ask for the autopilot's own landing while the pilot lands; until it is given, the pilot's goes on."""
         if not landing:
-            self._control.hands_over = False
+            self._control.hands_over &= now_s - self._handed_s <= _GRANTED_S
             return
         asked = dialect.MAV_CMD_DO_SET_MODE, 1, *modes_of(state).landing
         if now_s - self._handed_s > _HAND_OVER_S and self.session.command(*asked):
