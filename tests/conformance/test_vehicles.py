@@ -258,8 +258,9 @@ def test_a_closed_vehicle_is_at_its_end(make: Callable[[int], Vehicle]) -> None:
     vehicle.close()
 
 
-@pytest.mark.parametrize("both", ["ardupilot", "px4", "anafi", "ros2"], indirect=True)
+@pytest.mark.parametrize("both", ["ardupilot", "px4", "ros2"], indirect=True)
 def test_a_machine_that_was_suspended_in_flight_flies_no_further(both: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An ANAFI is sent nothing more, not even a release: tests/unit/test_anafi.py."""
     vehicle, arrived = both(9)
     vehicle.open()
     assert len(cycles(vehicle, 30, 50.0, 0.0, 0.0, 0.0)) == 30

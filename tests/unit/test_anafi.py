@@ -22,6 +22,7 @@ from shipland.frames import quaternion_from_euler
 from shipland.guidance.modes import INTENTS
 from shipland.messages import Intent, Mode, PilotCommand, Telemetry
 from shipland.stopping import stop_requests
+from shipland.vehicles import link_vehicle
 from shipland.vehicles.address import Address, VehicleSetup, vehicle_table
 from shipland.vehicles.anafi.records import merged, sticks_of, with_metadata
 from shipland.vehicles.anafi.vehicle import AnafiVehicle, anafi
@@ -147,6 +148,11 @@ def fly_until(flown: AnafiVehicle, done: Callable[[], bool], *sticks: float, int
             "flies home by itself: userRequest",
             "the ANAFI itself (returns home)",
         ),
+        (
+            {"kind": "rth", "values": {"state": "in_progress", "reason": "battery_too_hot"}},
+            "flies home by itself: battery_too_hot",
+            "the ANAFI itself (returns home)",
+        ),
     ],
 )
 def test_a_takeover_during_our_own_take_off_ends_the_flight_without_a_stick(
@@ -171,6 +177,49 @@ def test_the_take_off_is_not_asked_of_an_aircraft_that_somebody_lands(tmp_path: 
         with pytest.raises(VehicleError, match="has not taken off"):
             flown.open()
         assert not any("take_off" in line for line in asked(log))
+
+
+@pytest.mark.parametrize(("kind", "state"), [("home", "inProgress"), ("home", "pending"), ("rth", "in_progress")])
+@pytest.mark.parametrize(("options", "flies"), [("takeoff=0", "flying"), ("takeoff=1", "landed")])
+def test_an_aircraft_that_flies_home_as_we_start_is_not_taken(
+    tmp_path: Path, kind: str, state: str, options: str, flies: str
+) -> None:
+    with vehicle(tmp_path, options=options, engage_timeout_s=0.5) as (flown, log):
+        flown.connect()
+        for record in ({"kind": kind, "values": {"state": state, "reason": "lowBattery"}}, flying(flies)):
+            flown._process.say({"say": record})
+        assert until(lambda: flown._state == flies)
+        with pytest.raises(VehicleError, match="the ANAFI flies home by itself"):
+            flown.open()
+        assert flown.in_command.startswith("somebody else")
+        assert not any("take_off" in line or "sticks" in line for line in asked(log))
+
+
+def test_a_flight_home_that_has_ended_is_over(tmp_path: Path) -> None:
+    with vehicle(tmp_path, options="takeoff=0", engage_timeout_s=20.0) as (flown, _):
+        flown.connect()
+        for state in ("inProgress", "available"):
+            flown._process.say({"say": {"kind": "home", "values": {"state": state, "reason": "finished"}}})
+        flown._process.say({"say": flying("hovering")})
+        flown.open()
+        assert flown.in_command == "shipland"
+
+
+def test_no_stick_of_before_a_suspension_is_sent_after_it_nor_are_they_released(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with vehicle(tmp_path) as (flown, log):
+        flown.open()
+        before = {"sticks": [0, 60, 0, 0]}
+        assert fly_until(flown, lambda: before in asked(log), 60.0, 0.0, 0.0, 0.0)
+        pair = flown.read()  # and it sleeps before the cycle's sticks leave
+        assert pair is not None
+        monkeypatch.setattr(link_vehicle, "boot_s", lambda: time.monotonic() + 30.0)
+        flown.send(PilotCommand(pair[1].t_s, 77.0, 0.0, 0.0, 0.0, 0.0))
+        assert "this machine was suspended for 30 s" in flown.end_reason
+        assert until(lambda: asked(log)[-1] == {"stop": True})
+        assert [line for line in asked(log) if "sticks" in line][-1] == before
+        assert flown.read() is None
 
 
 def test_who_is_in_command_is_told(tmp_path: Path) -> None:
@@ -211,6 +260,20 @@ def test_without_contact_height_it_never_uses_its_own_landing(tmp_path: Path) ->
         while (pair := flown.read()) is not None and time.monotonic() < until_s:
             flown.send(PilotCommand(pair[1].t_s, *down, 0.0, Intent.LAND, at_contact_height=True))
         assert flown.end_reason.startswith("landed")
+
+
+def test_the_second_without_descent_begins_at_contact_height(tmp_path: Path) -> None:
+    """One that was gathered higher up is no deck's."""
+    with vehicle(tmp_path) as (flown, log):
+        flown.open()
+        begun_s, down = time.monotonic(), (0.0, 0.0, -40.0, 0.0)
+        assert fly_until(flown, lambda: time.monotonic() - begun_s > 2.0, *down, intent=Intent.LAND)
+        pair, there_s = flown.read(), time.monotonic()
+        while pair is not None and not any("land" in line for line in asked(log)):
+            flown.send(PilotCommand(pair[1].t_s, *down, 0.0, Intent.LAND, at_contact_height=True))
+            pair = flown.read()
+        assert until(lambda: any("land" in line for line in asked(log)))
+        assert time.monotonic() - there_s > 0.9
 
 
 def test_a_landing_of_anothers_high_in_our_own_is_a_takeover(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import json
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -16,7 +17,12 @@ from shipland.vehicles.anafi.setup import END
 from waiting import until
 
 OLYMPE = """
-import os, sys, types
+import os, sys, time, types
+clock_gettime = time.clock_gettime
+def clock_of_one_that_may_sleep(clock):
+    slept = clock == getattr(time, "CLOCK_BOOTTIME", None) and os.path.exists(os.environ["SLEPT"])
+    return clock_gettime(clock) + 30.0 * slept
+time.clock_gettime = clock_of_one_that_may_sleep
 def module(name, **parts):
     made = sys.modules[name] = types.ModuleType(name)
     made.__dict__.update(parts)
@@ -26,11 +32,15 @@ class Drone:
     connected = True
     def __init__(self, address):
         self.streaming = types.SimpleNamespace(play_multiple_stream=lambda *_, **__: True)
-    def subscribe(self, *_): pass
+    def subscribe(self, hear, _):
+        values = {"state": types.SimpleNamespace(name="in_progress"), "list_flags": 0}
+        self.event = types.SimpleNamespace(message=types.SimpleNamespace(fullName="rth.state"), args=values)
+        self.hear = hear
     def connect(self): return True
     def disconnect(self): pass
     def get_state(self, _): raise TimeoutError("it was not told")
     def __call__(self, asked):
+        if asked[0] == "take_off": self.hear(self.event, None)
         print(*asked, flush=True, file=heard)
         return types.SimpleNamespace(wait=lambda _: None)
 heard = open(os.environ["HEARD"], "w")
@@ -57,7 +67,7 @@ class FarEnd:
         (folder / "olympe").mkdir()
         (folder / "olympe/__init__.py").write_text(OLYMPE)
         self._heard = folder / "heard.txt"
-        environment = {"PYTHONPATH": str(folder), "HEARD": str(self._heard)}
+        environment = {"PYTHONPATH": str(folder), "HEARD": str(self._heard), "SLEPT": str(folder / "slept")}
         command = [sys.executable, str(END), "192.0.2.1", "rtsp://192.0.2.1/live"]
         self.process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment
@@ -100,6 +110,8 @@ def test_no_stick_leaves_before_the_first_is_given_and_none_after_another_took_o
         end.say(gimbal_deg=-10.0)
         end.say(take_off=True)
         end.say(limits={"tilt_deg": 15, "climb_mps": 1, "turn_deg_s": 40})
+        told = end.said()
+        assert (told["kind"], told["values"]) == ("rth", {"state": "in_progress"})  # of a flight home
         limits = end.said()
         assert limits["kind"] == "limits"
         assert set(limits["values"].values()) == {None}  # asked for, and not told: nobody knows
@@ -152,3 +164,15 @@ def test_sticks_that_stop_coming_are_released(tmp_path: Path) -> None:
         assert until(lambda: end.sticks()[-1:] == [FORWARD])
         assert until(lambda: end.sticks()[-1:] == [RELEASED])
         assert end.process.poll() is None
+
+
+@pytest.mark.skipif(not hasattr(time, "CLOCK_BOOTTIME"), reason="Linux tells that it was suspended")
+def test_no_stick_leaves_after_a_suspension_not_even_a_released_one(tmp_path: Path) -> None:
+    with far_end(tmp_path) as end:
+        end.say(sticks=[0, 60, 0, 0])
+        assert until(lambda: end.sticks()[-1:] == [FORWARD])
+        (tmp_path / "slept").touch()
+        end.say(sticks=[0, 77, 0, 0])  # it waited in the pipe
+        end.process.stdin.close()
+        assert end.process.wait(20.0) == 0
+        assert set(end.sticks()) == {FORWARD}

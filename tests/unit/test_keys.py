@@ -46,6 +46,29 @@ def test_of_several_keys_in_one_cycle_the_last_holds(typed, pressed, monkeypatch
         assert keys.override() is None
 
 
+@pytest.mark.parametrize(
+    ("reads", "pressed"),
+    [
+        (["h", "\x1b", "[C"], HOLD),
+        (["h", "\x1b[", "C"], HOLD),
+        (["h", "\x1b[1;", "5C"], HOLD),
+        (["h", "\x1bO", "C"], HOLD),
+        (["h", "\x1b[?1;2c"], HOLD),
+        (["h", "\x1b[?1;", "2c"], HOLD),
+        (["h", "\x1b[[C"], HOLD),
+        (["c", "\x1b[", "H"], CLIMB),
+        (["\x1b", "h"], HOLD),
+        (["\x1b[C", "\x1b", "", "c"], CLIMB),
+    ],
+)
+def test_a_sequence_presses_no_key_however_it_is_read(reads, pressed, monkeypatch):
+    with keyboard(monkeypatch) as (keys, typist):
+        for typed in reads:
+            typist.write(typed.encode())
+            keys.override()
+        assert keys.override() is pressed
+
+
 def test_a_terminal_that_has_gone_presses_nothing_and_is_not_asked_again(monkeypatch):
     with keyboard(monkeypatch) as (keys, typist):
         typist.write(b"h")

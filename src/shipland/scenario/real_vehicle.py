@@ -173,8 +173,10 @@ def require_passed(checks: list[Check]) -> None:
 
 _OVERRIDES = {"h": Override.HOLD, "c": Override.CLIMB, "r": None}
 """Hold, climb, and back to the pilot."""
-_SEQUENCE = re.compile(r"\x1b(\[[0-;]*|O).")
-"""What an arrow or a function key types; its last letter is no key."""
+_SEQUENCE = re.compile(r"\x1b(\[\[?[0-?]*[ -/]*[@-Z\\-~]|O[0-?]*[@-~])")
+"""What an arrow or a function key types, or a terminal answers; its last letter is no key."""
+_BEGUN = re.compile(r"\x1b(\[\[?[0-?]*[ -/]*|O[0-?]*)?\Z")
+"""One whose end has not been read yet."""
 
 
 class Keys:
@@ -183,6 +185,7 @@ class Keys:
     def __init__(self) -> None:
         self._override: Override | None = None
         self._terminal: int | None = None
+        self._begun = ""
 
     def press(self, key: str) -> None:
         """A key was pressed, in either case; others than the three do nothing."""
@@ -190,7 +193,10 @@ class Keys:
 
     def override(self) -> Override | None:
         """What the last key asks for; None while the pilot flies. Never waits, never raises."""
-        for key in _SEQUENCE.sub("", self._typed()):
+        keys = _SEQUENCE.sub("", self._begun + self._typed())
+        begun = _BEGUN.search(keys)
+        self._begun = "" if begun is None else begun[0]
+        for key in keys.removesuffix(self._begun):
             self.press(key)
         return self._override
 

@@ -8,8 +8,9 @@ pitch, yaw, gaz]} in whole percent, {"gimbal_deg": -20.0}, {"take_off": true}, {
 object a line, and after one with "bytes" so many bytes of picture. Times are CLOCK_MONOTONIC.
 
 From the first sticks on they go out 25 times a second. When none come for a second, or standard input ends, they are
-released: the ANAFI then holds its place. No signal but SIGTERM and SIGKILL ends this process before its input does, so
-that a closed terminal does not leave the last sticks flying.
+released: the ANAFI then holds its place. None go out after this machine was suspended: who flies it then is not known.
+No signal but SIGTERM and SIGKILL ends this process before its input does, so that a closed terminal does not leave the
+last sticks flying.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ EVENTS = {
     "ardrone3.PilotingState.AltitudeChanged": "altitude",
     "ardrone3.PilotingState.FlyingStateChanged": "flying",
     "ardrone3.PilotingState.NavigateHomeStateChanged": "home",
+    "rth.state": "rth",
     "ardrone3.PilotingState.AlertStateChanged": "alert",
     "common.CommonState.BatteryStateChanged": "battery",
     "common.CommonState.LinkSignalQuality": "link",
@@ -90,7 +92,7 @@ class StickSender:
 
     def __init__(self, drone, pcmd):
         self._drone, self._pcmd = drone, pcmd
-        self._sticks, self._at_s = (0, 0, 0, 0), None
+        self._sticks, self._at_s, self._slept_s = (0, 0, 0, 0), None, 0.0
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -99,6 +101,8 @@ class StickSender:
         """Roll, pitch, yaw, gaz in percent."""
         roll, pitch, yaw, gaz = (max(-100, min(100, round(value))) for value in sticks)
         self._sticks = roll, pitch, yaw, gaz
+        if self._at_s is None:
+            self._slept_s = slept_s()
         self._at_s = time.monotonic()
 
     def stop(self):
@@ -116,6 +120,8 @@ class StickSender:
     def _run(self):
         due_s, sequence = time.monotonic(), 0
         while not self._stopping.is_set():
+            if self._at_s is not None and slept_s() - self._slept_s > STALE_S:
+                return  # whoever flies it by now keeps it; shipland notices as well, and ends the flight
             if self._at_s is not None and self._drone.connected:
                 fresh = time.monotonic() - self._at_s < STALE_S
                 roll, pitch, yaw, gaz = self._sticks if fresh else (0, 0, 0, 0)
@@ -126,6 +132,12 @@ class StickSender:
                     self._drone(self._pcmd(flag, roll, pitch, yaw, gaz, stamp))
             due_s = max(due_s + PERIOD_S, time.monotonic())
             self._stopping.wait(max(0.0, due_s - time.monotonic()))
+
+
+def slept_s():
+    """Time for which this machine has been suspended since it started; Linux tells."""
+    boot = getattr(time, "CLOCK_BOOTTIME", None)
+    return 0.0 if boot is None else time.clock_gettime(boot) - time.monotonic()
 
 
 def main():

@@ -37,6 +37,8 @@ _LANDED_S = 1.0
 _OLD_VELOCITY_S = 1.0
 """A velocity older than this does not show that it stands."""
 _AIRBORNE = ("hovering", "flying")
+_HOMING = ("inProgress", "in_progress", "pending")
+"""States of a flight home, as the older and the newer event name them."""
 _READINGS = 64
 """Readings of the gimbal that are kept: a dozen seconds of events."""
 _PLANES = {"I420": cv2.COLOR_YUV2BGR_I420, "NV12": cv2.COLOR_YUV2BGR_NV12}
@@ -59,6 +61,8 @@ class AnafiVehicle(LinkVehicle):
         self._late: deque[float] = deque(maxlen=300)
         self._attitudes: deque[float] = deque(maxlen=300)
         self._state = ""
+        self._home: dict[str, str] = {}
+        """What each of the events that tell of a flight home said last."""
         self._heard_s = self._given_s = self._pictured_s = self._gimbal_s = self._still_s = self._asked_s = -math.inf
         self._answers = self._watched = False
         self._landing = self._at_contact_height = False
@@ -103,11 +107,12 @@ class AnafiVehicle(LinkVehicle):
         assert self._process is not None  # connected
         self._wait(lambda: self._shot is not None, "no picture from the ANAFI")
         with self._changed:  # no event between seeing that it flies and watching who lands it
-            if self._setup.take_off and self._state in ("", "landed"):  # elsewhere it would undo a landing
+            landed = self._state in ("", "landed")  # elsewhere a take-off would undo a landing
+            if self._setup.take_off and landed and not self._flies_home():
                 self._watched, self._in_command = True, "shipland"
                 self._process.say({"take_off": True})
-            words, timeout_s = "the ANAFI has not taken off", self._parameters.engage_timeout_s
-            self._wait(lambda: self._state in _AIRBORNE, words, timeout_s)
+            timeout_s = self._parameters.engage_timeout_s
+            self._wait(lambda: self._state in _AIRBORNE and not self._flies_home(), self._not_ours, timeout_s)
             self._pictured_s = self._still_s = time.monotonic()
             self._watched = self._engaged = True
             self._in_command = "shipland"
@@ -139,7 +144,7 @@ class AnafiVehicle(LinkVehicle):
     def send(self, command: PilotCommand) -> None:
         """Sticks, and the gimbal at most ten times a second."""
         with self._changed:  # whoever ends the flight on the other thread has the last word
-            if self._closed or self._end_reason or not self._engaged or self._process is None:
+            if self._closed or self._end_reason or not self._engaged or self._process is None or self._has_slept():
                 return
             now_s = time.monotonic()
             command = unless_late(command, now_s)
@@ -177,8 +182,7 @@ class AnafiVehicle(LinkVehicle):
 
         So does a machine that was suspended.
         """
-        if words := self._suspended:
-            self._end(words, "the ANAFI itself (holds)")
+        if self._has_slept():
             return True
         timeout_s = self._parameters.link_timeout_s
         if time.monotonic() - self._heard_s <= timeout_s:
@@ -186,13 +190,26 @@ class AnafiVehicle(LinkVehicle):
         self._end(f"link lost: the ANAFI says nothing for {timeout_s:g} s", "nobody: link lost")
         return True
 
+    def _has_slept(self) -> bool:
+        """Whether the machine was suspended, which ends the flight; who flies it by now is not known, and keeps it."""
+        if words := self._suspended:
+            self._end(words, "the ANAFI itself (holds)", yielded=True)
+        return bool(words)
+
+    def _flies_home(self) -> bool:
+        return any(state in _HOMING for state in self._home.values())
+
+    def _not_ours(self) -> str:
+        """Why it cannot be taken yet, in words."""
+        return "the ANAFI flies home by itself: not over" if self._flies_home() else "the ANAFI has not taken off"
+
     def _land_when_down(self, command: PilotCommand, now_s: float) -> None:
         """At contact height, no descent in spite of the sticks: it stands, and its own landing stops the motors."""
         wanted_mps = -0.01 * sticks_of(command)[3] * self._setup.response.max_climb_mps
         if command.intent is not Intent.LAND or wanted_mps < 0.1 or self._sinks(0.4 * wanted_mps, now_s):
             self._still_s = now_s
         elif not command.at_contact_height or "landing" in self._state:
-            return  # what holds it up in the air is no deck
+            self._still_s = now_s  # what holds it up in the air is no deck
         elif now_s - max(self._still_s, self._asked_s) > _LANDED_S:
             self._asked_s = now_s
             assert self._process is not None
@@ -214,12 +231,13 @@ class AnafiVehicle(LinkVehicle):
                     self._process.say({"stop": True} if yielded else {"sticks": [0, 0, 0, 0]})
             self._changed.notify_all()
 
-    def _wait(self, until: Callable[[], bool], otherwise: str, timeout_s: float | None = None) -> None:
+    def _wait(
+        self, until: Callable[[], bool], otherwise: str | Callable[[], str], timeout_s: float | None = None
+    ) -> None:
+        words = otherwise if callable(otherwise) else lambda: otherwise
         timeout_s = timeout_s or self._parameters.connect_timeout_s
         with self._changed:
-            wait_until(
-                lambda: until() or self._problem or self._end_reason, timeout_s, lambda: otherwise, self._changed.wait
-            )
+            wait_until(lambda: until() or self._problem or self._end_reason, timeout_s, words, self._changed.wait)
             if not until():
                 raise VehicleError(self._problem or self._end_reason)
 
@@ -263,6 +281,8 @@ class AnafiVehicle(LinkVehicle):
             self._attitudes.append(true_s)
         elif kind == "flying":
             self._state = str(values["state"])
+        elif kind in ("home", "rth"):
+            self._home[kind] = str(values["state"])
         if self._watched:
             self._judge(kind, values, was, flew=before.flying)
 
@@ -270,7 +290,7 @@ class AnafiVehicle(LinkVehicle):
         """End the flight when the aircraft is down, or does what we did not command; from our own take-off on."""
         asked = time.monotonic() - self._asked_s <= _LANDED_S
         ours = "landing" in was or asked or (self._landing and self._at_contact_height)
-        if kind == "home" and values["state"] in ("inProgress", "pending"):
+        if kind in ("home", "rth") and values["state"] in _HOMING:
             reason = f"the ANAFI flies home by itself: {values.get('reason', '')}"
             self._end(reason, "the ANAFI itself (returns home)", yielded=True)
         elif kind != "flying":
