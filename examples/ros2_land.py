@@ -37,12 +37,17 @@ class Land(Node):
 
     def end(self, result: String) -> None:
         """The flight's last word."""
-        if self.ended is not None:
-            self.ended.set_result(result.data)
+        self.answer(result.data)
+
+    def answer(self, words: str) -> None:
+        """To the call that waits for the end, where there is one; it is not asked again after that."""
+        if self.ended is not None and not self.ended.done():
+            self.ended.set_result(words)
 
     async def land(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         """Asked for, or ended, at a call."""
         if not request.data:
+            self.answer("called off")
             self.asked.publish(Bool(data=False))
             response.success, response.message = True, "the flight ends"
         elif self.asked.get_subscription_count() == 0:

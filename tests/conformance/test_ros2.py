@@ -242,16 +242,59 @@ def test_an_autopilot_that_the_bridge_has_lost_has_not_landed(intent: Intent) ->
         assert vehicle.end_reason == "link lost: the vehicle's bridge has lost the autopilot"
 
 
-def test_a_landing_is_asked_for_and_ended_by_a_topic() -> None:
-    with bench("&wait=1", take=False) as (vehicle, drone):
+@pytest.mark.parametrize("kind", ["velocity", "attitude"])
+def test_a_landing_is_asked_for_and_ended_by_a_topic(kind: str) -> None:
+    """Called off, the vehicle holds, while the flight is open and after it."""
+    with bench(f"&wait=1&kind={kind}", take=False) as (vehicle, drone):
         land = drone.node.publisher("shipland/land", "std_msgs/msg/Bool")
         vehicle.connect()
         assert until(lambda: land.heard)
         land.send(message("std_msgs/msg/Bool", data=True))
         vehicle.open()
-        assert vehicle.read() is not None
+        vehicle.send(PilotCommand(time.monotonic(), 20.0, 0.0, 0.0, 0.0, -0.2, Intent.FLY))
+        assert until(lambda: drone.wanted.forward > 0.0)
         land.send(message("std_msgs/msg/Bool", data=False))
         assert until(lambda: vehicle.end_reason == "ended by /shipland/land")
+        assert until(lambda: drone.wanted.hold)
+        held = len(drone.holds_s)
+        vehicle.close()
+        assert until(lambda: len(drone.holds_s) >= held + 2)
+        assert drone.wanted.hold
+
+
+def test_a_landing_called_off_before_the_hand_over_is_not_flown_until_it_is_called_again() -> None:
+    with bench("&wait=1", take=False) as (vehicle, drone):
+        drone.mode = "LOITER"
+        land = drone.node.publisher("shipland/land", "std_msgs/msg/Bool")
+        vehicle.connect()
+        assert until(lambda: land.heard)
+        land.send(message("std_msgs/msg/Bool", data=True))
+        opening = threading.Thread(target=vehicle.open, daemon=True)
+        opening.start()
+        assert until(lambda: vehicle._heard._hand_over is not None)
+        land.send(message("std_msgs/msg/Bool", data=False))
+        assert until(lambda: vehicle._heard.land is False)
+        drone.mode = "GUIDED"  # for somebody else
+        assert until(lambda: vehicle._heard.mode == "GUIDED")
+        opening.join(1.0)
+        assert opening.is_alive()
+        assert vehicle.in_command == "the pilot (GUIDED)"
+        land.send(message("std_msgs/msg/Bool", data=True))
+        opening.join(20.0)
+        assert vehicle.in_command == "shipland"
+
+
+def test_a_call_is_answered_where_the_vehicle_was_not_given() -> None:
+    with bench("&wait=1", take=False, engage_timeout_s=0.5) as (vehicle, drone):
+        drone.armed, told = False, list[str]()
+        drone.node.subscribe("shipland/result", "std_msgs/msg/String", lambda result: told.append(result.data))
+        land = drone.node.publisher("shipland/land", "std_msgs/msg/Bool")
+        vehicle.connect()
+        assert until(lambda: land.heard and vehicle._telling._result.heard)
+        land.send(message("std_msgs/msg/Bool", data=True))
+        with pytest.raises(VehicleError, match="was not given to us"):
+            vehicle.open()
+        assert until(lambda: told == ["the vehicle was not given to us"])
 
 
 CALL = """

@@ -51,6 +51,8 @@ class Heard:
         """When the vehicle's state came last [s]."""
         self.land: bool | None = None
         """What `/shipland/land` said last."""
+        self.called_off = False
+        """It said false in flight."""
         self._engaged = self._our_clock = self._bridged = False
         self._hand_over: HandOver | None = None
         self.landing = False
@@ -98,8 +100,7 @@ class Heard:
         """std_msgs/Bool: true asks for a landing, false ends it."""
         with self._lock:
             self.land = bool(asked.data)
-            if self._engaged and not self.land:
-                self._lose("ended by /shipland/land")
+            self.called_off = self.called_off or (self._engaged and not self.land)
 
     def watch_silence(self, timeout_s: float) -> None:
         """Control is gone when the vehicle's state has not come for so long."""
@@ -118,7 +119,10 @@ class Heard:
     def given(self) -> bool:
         """Handed over, and armed, by its own word."""
         with self._lock:  # not between a state and what it says of the hand-over
-            return self._hand_over is not None and self._hand_over.given and bool(self._state.armed)
+            return self._is_given()
+
+    def _is_given(self) -> bool:
+        return self._hand_over is not None and self._hand_over.given and bool(self._state.armed)
 
     @property
     def hand_over_words(self) -> str:
@@ -138,10 +142,15 @@ class Heard:
         """As the vehicle names it."""
         return "unknown" if self._state is None else str(self._state.mode) or "a mode without a name"
 
-    def begin(self) -> None:
-        """From now on it is ours, and what the vehicle says otherwise ends that."""
+    def begin(self, called: bool) -> bool:
+        """From now on it is ours, and what the vehicle says otherwise ends that; False where that was taken back.
+
+        Args:
+            called: a landing must have been asked for.
+        """
         with self._lock:
-            self._engaged = True
+            self._engaged = self._is_given() and (bool(self.land) or not called)
+            return self._engaged
 
     def telemetry_at(self, t_s: float) -> Telemetry:
         """The newest that has come, stamped with `t_s`."""

@@ -109,19 +109,19 @@ class Ros2Vehicle(SetpointVehicle):
         """Wait for `/shipland/land` if that was asked for, and until the vehicle was handed over and is armed."""
         assert self._telling is not None
         heard, waits = self._heard, self._setup.wait
-        while waits and not heard.land:
-            self._telling.state("", "waiting for /shipland/land", time.monotonic())
-            sleep_or_stop(0.02)
-        heard.expect(waits or self._setup.take)
-        if not heard.given:
-            _log.warning(heard.hand_over_words)
-            self._telling.state("", heard.hand_over_words, time.monotonic())
-        wait_until(
-            lambda: heard.given,
-            self._parameters.engage_timeout_s,
-            lambda: f"the vehicle was not given to us ({heard.hand_over_words})",
-        )
-        heard.begin()
+        while not heard.begin(waits):
+            while waits and not heard.land:
+                self._telling.state("", "waiting for /shipland/land", time.monotonic())
+                sleep_or_stop(0.02)
+            heard.expect(waits or self._setup.take)
+            if not heard.given:
+                _log.warning(heard.hand_over_words)
+                self._telling.state("", heard.hand_over_words, time.monotonic())
+            wait_until(
+                lambda: heard.given or (waits and not heard.land),
+                self._parameters.engage_timeout_s,
+                lambda: f"the vehicle was not given to us ({heard.hand_over_words})",
+            )
         self._begin()
         self._start_set_points("ros2-set-points")
 
@@ -137,8 +137,10 @@ class Ros2Vehicle(SetpointVehicle):
             if self._heard.ours:  # also after an end of its own: its hold may not have left yet
                 self._end("the flight was ended here; the vehicle holds")
                 self._hold()
-            self._telling.state("", self.end_reason, time.monotonic())
-            self._telling.ended(self.end_reason)
+        if self._telling is not None and (self._engaged or self._heard.land):  # who called waits for an answer
+            words = self.end_reason or "the vehicle was not given to us"
+            self._telling.state("", words, time.monotonic())
+            self._telling.ended(words)
 
     def checks(self) -> list[Check]:
         """What of topics and camera is fit to fly; once connected."""
@@ -182,6 +184,8 @@ class Ros2Vehicle(SetpointVehicle):
         """One set-point, from the thread of the set-points."""
         heard, now_s = self._heard, time.monotonic()
         heard.watch_silence(self._parameters.link_timeout_s)
+        if heard.called_off:
+            self._end("ended by /shipland/land")
         if not heard.ours:
             self._let_motors_stop(False)
             return
