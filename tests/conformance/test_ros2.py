@@ -297,6 +297,20 @@ def test_a_call_is_answered_where_the_vehicle_was_not_given() -> None:
         assert until(lambda: told == ["the vehicle was not given to us"])
 
 
+def test_who_waits_for_no_call_answers_none() -> None:
+    """As `shipland publish` beside the flight that was called."""
+    with bench() as (vehicle, drone):
+        land = drone.node.publisher("shipland/land", "std_msgs/msg/Bool")
+        vehicle.connect()
+        assert until(lambda: land.heard)
+        land.send(message("std_msgs/msg/Bool", data=True))
+        assert until(lambda: vehicle._heard.land)
+        sent: list[object] = []
+        vehicle._telling._result.send = sent.append
+        vehicle.close()
+        assert not sent
+
+
 CALL = """
 import rclpy
 from std_srvs.srv import SetBool
