@@ -56,7 +56,8 @@ class Land(Node):
                 "nobody waits: start `shipland fly` with ros2://…?wait=1",
             )
         else:
-            self.ended = Future()
+            if self.ended is None or self.ended.done():
+                self.ended = Future()
             response.message = await self.ended
             response.success = response.message.startswith("landed")
         return response
