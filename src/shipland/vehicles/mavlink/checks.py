@@ -86,8 +86,8 @@ def gimbal_check(state: AutopilotState) -> Check:
 
 def _messages(session: Session) -> Check:
     """Requested messages may have been refused, or the requests lost."""
-    wanted = set(_NEEDED_FOR) - (set() if transmitter_heard(session.state, time.monotonic()) else {"RC_CHANNELS"})
-    found_hz = {name: rate_hz(session.came_s(name)) for name in _NEEDED_FOR if name in wanted}
+    by_stick = transmitter_heard(session.state, time.monotonic())
+    found_hz = {name: rate_hz(session.came_s(name)) for name in _NEEDED_FOR if by_stick or name != "RC_CHANNELS"}
     words = ", ".join(f"{name} {hz:.0f} Hz" for name, hz in found_hz.items())
     lacking = dict.fromkeys(_NEEDED_FOR[name] for name, hz in found_hz.items() if hz < _NEEDED_HZ)
     if lacking:

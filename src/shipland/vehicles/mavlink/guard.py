@@ -17,8 +17,8 @@ _ASKS = 3
 """Number of requests for the holding mode."""
 _ASK_S = 0.8
 """Time between two requests: below a second, the time between two heartbeats."""
-_TIME_S = 0.25
-"""Time between two questions of the time."""
+ASK_TIME_S = 0.25
+"""From one question of the time to the next; several may be lost before an answer is missed."""
 ANSWERED_S = 1.5
 """Age of the newest question of the time that was answered, beyond which the link lags: what comes may be as old."""
 FRESH_S = 0.1
@@ -163,7 +163,7 @@ class Guard:
         if now_s - self._beat_s >= _BEAT_S:
             self._beat_s = now_s
             messages.append(self._beat)
-        if now_s - self._time_s >= _TIME_S:
+        if now_s - self._time_s >= ASK_TIME_S:
             self._time_s = now_s
             messages.append(dialect.MAVLink_timesync_message(0, int(1e9 * now_s)))
         silent = self._gone_s is not None or now_s - self._set_point_s >= self._orders.silence_s

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from shipland.vehicles.mavlink.guard import ANSWERED_S
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState
 
 GUIDED, GUIDED_NOGPS = 4, 20
@@ -47,9 +48,14 @@ def modes_of(state: AutopilotState) -> Modes:
     return _PX4_MODES if state.autopilot == PX4 else _ARDUPILOT_MODES
 
 
-def mode_known(state: AutopilotState, now_s: float) -> bool:
-    """Whether a heartbeat has just shown the mode: after an older one it may be a person's by now."""
+def mode_shown(state: AutopilotState, now_s: float) -> bool:
+    """Whether a heartbeat that shows the mode has just come."""
     return now_s - state.heartbeat_s <= _MODE_KNOWN_S
+
+
+def mode_known(state: AutopilotState, now_s: float) -> bool:
+    """The same, over a link that does not lag: else it may be a person's by now."""
+    return mode_shown(state, now_s) and now_s - state.asked_s <= ANSWERED_S
 
 
 def mode_name(state: AutopilotState) -> str:

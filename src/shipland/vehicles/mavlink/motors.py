@@ -6,7 +6,6 @@ import math
 
 from shipland.messages import Intent, PilotCommand
 from shipland.vehicles.mavlink.dialect import dialect
-from shipland.vehicles.mavlink.guard import ANSWERED_S
 from shipland.vehicles.mavlink.modes import mode_known
 from shipland.vehicles.mavlink.parameters import MavlinkParameters
 from shipland.vehicles.mavlink.session import FORCE, Session
@@ -41,7 +40,7 @@ class MotorStop:
         )
         contact = self._watch.see(touch)
         # otherwise it may have been taken over, and off the deck, since
-        known = mode_known(state, now_s) and now_s - state.asked_s <= ANSWERED_S
+        known = mode_known(state, now_s)
         if contact is GroundContact.STANDS and state.armed and known:
             self._disarm(state, now_s)
         elif contact is GroundContact.NONE:

@@ -13,9 +13,9 @@ from shipland.errors import VehicleError
 from shipland.stopping import check_stop, sleep_or_stop
 from shipland.vehicles.gimbal import Reading
 from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
-from shipland.vehicles.mavlink.guard import ANSWERED_S, Orders
+from shipland.vehicles.mavlink.guard import Orders
 from shipland.vehicles.mavlink.link import LinkCounts, MavlinkLink
-from shipland.vehicles.mavlink.modes import GUIDED, GUIDED_NOGPS, PX4_OFFBOARD, mode_known, modes_of
+from shipland.vehicles.mavlink.modes import GUIDED, GUIDED_NOGPS, PX4_OFFBOARD, mode_known, mode_shown, modes_of
 from shipland.vehicles.mavlink.setpoints import AUTOPILOT, level_message, velocity_message
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState, RefusedError, absorb
 from shipland.vehicles.waiting import wait_until
@@ -173,16 +173,16 @@ class Session:
     def command(self, number: int, *parameters: float) -> bool:
         """Send COMMAND_LONG; its acknowledgement shows in the state. Whether it was sent.
 
-        A mode is asked for only while the present one is known, over a link that does not lag: a person may have
-        chosen another since.
+        A mode is asked for only while the present one is known: a person may have chosen another since.
         """
-        lags = not time.monotonic() - self.state.asked_s <= ANSWERED_S
-        if number == _SET_MODE and (lags or not self._mode_known()):
+        if number == _SET_MODE and not self._awake(mode_known):
             return False
         return self._send_command(number, *parameters)
 
-    def _mode_known(self) -> bool:
-        return mode_known(self.state, time.monotonic()) and self.state.heartbeat_s > self.awake_s
+    def _awake(self, tells: Callable[[AutopilotState, float], bool]) -> bool:
+        """Whether the newest state tells the mode, by a heartbeat that did not wait for us."""
+        state = self.state
+        return tells(state, time.monotonic()) and state.heartbeat_s > self.awake_s
 
     def _send_command(self, number: int, *parameters: float) -> bool:
         values = [*map(float, parameters), *[0.0] * (7 - len(parameters))]
@@ -273,7 +273,7 @@ class Session:
         modes = modes_of(self.state)
         mode = (modes.stick_place, modes.stick_height, modes.hold)[min(attempt // _PATIENT_HAND_OVERS, 2)]
         # over a link that lags too: in ours the sticks are dead
-        return self._mode_known() and self._send_command(_SET_MODE, 1, *mode)
+        return self._awake(mode_shown) and self._send_command(_SET_MODE, 1, *mode)
 
     def read_parameters(self, names: Sequence[str], enough: Callable[[Mapping[str, float]], bool]) -> dict[str, float]:
         """The values of those parameters that the vehicle has.

@@ -20,6 +20,7 @@ from shipland.vehicles.checks import Check
 from shipland.vehicles.gimbal import gimbal_at
 from shipland.vehicles.mavlink.control import Control
 from shipland.vehicles.mavlink.dialect import dialect
+from shipland.vehicles.mavlink.guard import ASK_TIME_S
 from shipland.vehicles.mavlink.modes import GUIDED_NOGPS, modes_of, obeys_us
 from shipland.vehicles.mavlink.motors import MotorStop
 from shipland.vehicles.mavlink.parameters import (
@@ -45,8 +46,6 @@ from shipland.vehicles.wanted import HOLD, Wanted, pressed, thrust_of, wanted_of
 
 _HEIGHT_S = 1.0
 """A take-off of ours does not climb on a height older than this."""
-_ASK_TIME_S = 0.25
-"""From one question of the time to the next; several may be lost before an answer is missed."""
 _ASK_HEARTBEAT_S = 0.15
 """Age at which a heartbeat is requested: a PX4 says one a second and no more, and only a fresh one shows the mode."""
 _HAND_OVER_S = 0.5
@@ -226,7 +225,7 @@ class MavlinkVehicle(SetpointVehicle):
         if now_s - self._beat_s >= 1.0:
             self._beat_s = now_s
             session.beat()
-        if now_s - self._asked_s >= _ASK_TIME_S:
+        if now_s - self._asked_s >= ASK_TIME_S:
             self._asked_s = now_s
             session.ask_time()
         if session.link.port.problem:

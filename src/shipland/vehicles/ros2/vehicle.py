@@ -137,7 +137,7 @@ class Ros2Vehicle(SetpointVehicle):
             if self._heard.ours:  # also after an end of its own: its hold may not have left yet
                 self._end("the flight was ended here; the vehicle holds")
                 self._hold()
-        called = self._setup.wait and self._heard.land  # and whoever did waits for an answer
+        called = self._setup.wait and self._heard.land  # who called waits for an answer
         if self._telling is not None and (self._engaged or called):
             words = self.end_reason or "the vehicle was not given to us"
             self._telling.state("", words, time.monotonic())
