@@ -27,7 +27,6 @@ from shipland.frames import Pose
 from shipland.messages import FlightRecord
 from shipland.record.reader import FlightLog, read_log
 from shipland.report.chase import chase_view, look_at
-from shipland.report.outputs import OutputParameters
 from shipland.report.video import FlightVideo, VideoParameters, VideoWriter
 from shipland.rig import Rig
 from shipland.scenario.autonomy import aircraft_scale, build_scene, drawn_ship
@@ -269,7 +268,7 @@ def log(flight: Path, video: Path, *, every: int = 1) -> None:
     scenario = load_scenario(json.loads(found.header.info.configuration))
     drawn_scene = build_scene(scenario, found.header.info.seed)
     chase = chase_view(drawn_scene, found.header.camera, aircraft_scale(scenario), scenario.ship.full_ship)
-    shown = FlightVideo(video, found.header.rig, found.header.camera, OutputParameters().video, chase)
+    shown = FlightVideo(video, found.header.rig, found.header.camera, VideoParameters(), chase)
     for row in drawn(replace(found, records=found.records[::every]), scenario, drawn_scene):
         shown.append(row)
     shown.finish(found.verdict)

@@ -74,7 +74,8 @@ def page_tables(module: str) -> str:
     from shipland.learning.evaluate import EvaluateParameters
     from shipland.learning.settings import PROFILES
     from shipland.learning.shots import SynthParameters
-    from shipland.report.outputs import OutputParameters
+    from shipland.record.channels import LogParameters
+    from shipland.report.video import VideoParameters
     from shipland.vehicles.anafi.setup import AnafiParameters
     from shipland.vehicles.camera_stream import StreamParameters
     from shipland.vehicles.checks import PreflightParameters
@@ -85,7 +86,7 @@ def page_tables(module: str) -> str:
     training = {f"train.{name}": profile for name, profile in PROFILES.items()}
     pages: dict[str, dict[str, Any]] = {
         "scenario.py": {"": Scenario(name="near")},
-        "outputs.py": {"": OutputParameters()},
+        "outputs.py": {"log": LogParameters(), "video": VideoParameters()},
         "settings.py": {**training, "synth": SynthParameters(), "evaluate": EvaluateParameters()},
         "address.py": {
             "mavlink": MavlinkParameters(),

@@ -192,10 +192,10 @@ def _recorder(
 ) -> Recorder:
     """What writes the flight to its folder; the video has the outside view where there is a scene."""
     from shipland.report.chase import chase_view
-    from shipland.report.outputs import OutputParameters, Recorder
+    from shipland.report.outputs import Recorder
 
     chase = None
     if scene is not None and video:
         chase = chase_view(scene, vehicle.camera, aircraft_scale(scenario), scenario.ship.full_ship)
     real = isinstance(vehicle, Real)
-    return Recorder(folder, info, scenario.rig, vehicle.camera, OutputParameters(), chase, video, real)
+    return Recorder(folder, info, scenario.rig, vehicle.camera, chase, video, real)

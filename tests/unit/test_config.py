@@ -34,7 +34,8 @@ from shipland.errors import ConfigError, ShiplandError
 from shipland.learning.evaluate import EvaluateParameters
 from shipland.learning.settings import TrainParameters
 from shipland.learning.shots import SynthParameters
-from shipland.report.outputs import OutputParameters
+from shipland.record.channels import LogParameters
+from shipland.report.video import VideoParameters
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
 from shipland.vehicles.anafi.setup import AnafiParameters
 from shipland.vehicles.camera_stream import StreamParameters
@@ -430,7 +431,15 @@ OF_SCENARIOS = [(section, key) for section, keys in GUARDS.items() if section !=
 
 
 @pytest.mark.parametrize(
-    "cls", [*GUARDS["vehicles"].values(), OutputParameters, TrainParameters, SynthParameters, EvaluateParameters]
+    "cls",
+    [
+        *GUARDS["vehicles"].values(),
+        LogParameters,
+        VideoParameters,
+        TrainParameters,
+        SynthParameters,
+        EvaluateParameters,
+    ],
 )
 def test_every_default_is_a_value_that_its_field_takes(cls):
     assert build(cls, {}) == cls()

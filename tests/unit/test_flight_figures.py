@@ -7,10 +7,7 @@ import pytest
 from made_up_flight import VERDICT, flight, log_of, write_log
 
 from shipland.errors import DataError
-from shipland.report.plots import PlotParameters
 from shipland.reproduce.flight_figures import Tracks, figures_of_flights, plot_commands, read_flights, touchdowns_of
-
-PARAMETERS = PlotParameters(dpi=50)
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +37,7 @@ def test_touchdowns_of_landed_missed_and_lost_flights(records):
 
 def test_pictures_are_remade_bit_by_bit(records, unarranged, tmp_path):
     for name in ("one.png", "again.png"):
-        plot_commands(tmp_path / name, log_of(records, None), PARAMETERS)
+        plot_commands(tmp_path / name, log_of(records, None))
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "again.png").read_bytes()
 
 

@@ -7,16 +7,14 @@ import numpy as np
 import pytest
 from made_up_flight import RIG, VERDICT, flight, log_of, record_at
 
-from shipland.config import build
-from shipland.errors import ConfigError, DataError
+from shipland.errors import DataError
 from shipland.figures import new_figure
 from shipland.messages import Mode
 from shipland.report.landing_plots import DeckTrace, Touchdowns, plot_instants, plot_touchdowns
-from shipland.report.outputs import OutputParameters
 from shipland.report.palette import BLUE, MODE_COLOURS, MODE_NAMES, VERMILION, unit
-from shipland.report.plots import PlotParameters, draw_footprint, draw_pad, plot_flight, smooth
+from shipland.report.plots import DPI, draw_footprint, draw_pad, plot_flight, smooth
 
-PARAMETERS = PlotParameters(dpi=60)
+LOW_DPI = 60
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +28,7 @@ def picture(path):
 
 def test_a_flight_s_picture_has_its_size_and_the_modes_colours(whole, tmp_path):
     path = tmp_path / "deep" / "plots.png"
-    plot_flight(path, whole, PARAMETERS)
+    plot_flight(path, whole, LOW_DPI)
     image = picture(path)
     assert image.shape == (round(11.6 * 60), round(10.4 * 60), 3)
     colours = np.unique(image.reshape(-1, 3), axis=0).astype(int)
@@ -51,16 +49,16 @@ def test_a_flight_s_picture_has_its_size_and_the_modes_colours(whole, tmp_path):
     ids=["no truth", "nothing seen", "one row", "ended before contact"],
 )
 def test_what_is_missing_is_left_out(records, verdict, unarranged, tmp_path):
-    plot_flight(tmp_path / "plots.png", log_of(records, verdict), PARAMETERS)  # warnings are errors here
+    plot_flight(tmp_path / "plots.png", log_of(records, verdict), LOW_DPI)  # warnings are errors here
     assert picture(tmp_path / "plots.png").std() > 5.0
 
 
 def test_an_empty_log_and_a_bad_place_are_said_in_words(whole, tmp_path):
     with pytest.raises(DataError, match="no rows"):
-        plot_flight(tmp_path / "plots.png", log_of([], None), PARAMETERS)
+        plot_flight(tmp_path / "plots.png", log_of([], None), LOW_DPI)
     (tmp_path / "file").write_text("")
     with pytest.raises(DataError, match="cannot be written"):
-        plot_flight(tmp_path / "file" / "plots.png", whole, PARAMETERS)
+        plot_flight(tmp_path / "file" / "plots.png", whole, LOW_DPI)
 
 
 def test_every_mode_has_its_own_colour_and_name():
@@ -95,14 +93,14 @@ def test_the_footprint_lies_where_the_aircraft_stands():
 def test_dots_of_many_landings_lie_at_their_places(tmp_path):
     place_m = np.array([[0.1, -0.05], [0.3, 0.3], [np.nan, np.nan]])
     touchdowns = Touchdowns(np.array([5.0, 9.0, np.nan]), place_m, np.array([True, False, False]))
-    plot_touchdowns(tmp_path / "scatter.png", touchdowns, RIG, "three", PARAMETERS)
+    plot_touchdowns(tmp_path / "scatter.png", touchdowns, RIG, "three", LOW_DPI)
     t_s = np.arange(0.0, 20.0, 0.1)
     still = np.zeros_like(t_s)
     motion = (still, still, -0.2 * np.sin(0.5 * t_s), 0.1 * np.sin(t_s), 0.05 * np.cos(t_s), still)
     trace = DeckTrace(t_s, np.column_stack(motion))
     assert [name for name, _ in trace.curves()] == ["roll [°]", "pitch [°]", "heave, up [m]"]
     assert trace.curves()[2][1] == pytest.approx(0.2 * np.sin(0.5 * t_s))
-    plot_instants(tmp_path / "instants.png", trace, touchdowns, "three", PARAMETERS)
+    plot_instants(tmp_path / "instants.png", trace, touchdowns, "three", LOW_DPI)
     assert picture(tmp_path / "instants.png").std() > 5.0
 
     def rightmost(name, colour):
@@ -112,22 +110,20 @@ def test_dots_of_many_landings_lie_at_their_places(tmp_path):
     # the missed square is to starboard of the landing in it
     assert rightmost("scatter.png", VERMILION) > rightmost("scatter.png", BLUE)
     before = (tmp_path / "scatter.png").read_bytes()
-    plot_touchdowns(tmp_path / "scatter.png", touchdowns, RIG, "three", PARAMETERS)
+    plot_touchdowns(tmp_path / "scatter.png", touchdowns, RIG, "three", LOW_DPI)
     assert (tmp_path / "scatter.png").read_bytes() == before
 
 
 def test_no_landing_at_all_is_shown_as_such(tmp_path):
     none = Touchdowns(np.array([np.nan]), np.full((1, 2), np.nan), np.array([False]))
-    plot_touchdowns(tmp_path / "scatter.png", none, RIG, "none", PARAMETERS)
+    plot_touchdowns(tmp_path / "scatter.png", none, RIG, "none", LOW_DPI)
     assert picture(tmp_path / "scatter.png").std() > 2.0
     with pytest.raises(ValueError, match=r"shapes \(1, 2\) and \(1,\) for 1 times"):
         Touchdowns(np.zeros(1), np.zeros((2, 2)), np.array([False]))
 
 
-def test_the_packaged_resolution_suits_a_readme():
-    assert 1600 <= round(10.4 * OutputParameters().plots.dpi) <= 2000  # twice a README's 830 px
-    with pytest.raises(ConfigError, match="dpi: expected 40 to 600"):
-        build(PlotParameters, {"dpi": 5}, "plots")
+def test_the_resolution_suits_a_readme():
+    assert 1600 <= round(10.4 * DPI) <= 2000  # twice a README's 830 px
 
 
 def test_the_deck_is_drawn_smooth_between_slow_cycles_and_as_it_is_between_quick_ones():

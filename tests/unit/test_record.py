@@ -37,7 +37,7 @@ from shipland.record.foxglove_scene import nanoseconds, timestamp
 from shipland.record.info import FORMAT_VERSION, FlightInfo, LogHeader, config_digest
 from shipland.record.reader import read_log
 from shipland.record.writer import LogWriter
-from shipland.report.plots import PlotParameters, plot_flight
+from shipland.report.plots import plot_flight
 from shipland.rows import from_row, json_schema, to_row
 from shipland.vision.log_pictures import read_pictures
 
@@ -508,7 +508,7 @@ def test_a_flight_without_modes_is_logged_and_read_back(tmp_path):
     assert [mode for _, _, mode in log.columns().mode_spans()] == [None]
     for record, back in zip(records, log.records, strict=True):
         assert back.decision.estimate.t_s == record.decision.estimate.t_s
-    plot_flight(tmp_path / "plots.png", log, PlotParameters(dpi=60))
+    plot_flight(tmp_path / "plots.png", log, dpi=60)
     assert (tmp_path / "plots.png").stat().st_size > 10_000
 
 

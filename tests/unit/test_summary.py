@@ -14,15 +14,9 @@ from shipland.frames import euler_from_rotation
 from shipland.messages import Estimate, Observation
 from shipland.record.reader import read_log
 from shipland.record.writer import LogWriter
-from shipland.report.outputs import OutputParameters, Recorder
+from shipland.report.outputs import Recorder
 from shipland.report.summary import kinds_of, summarise, write_json
-
-PACKAGED = OutputParameters()
-QUICK = OutputParameters(
-    PACKAGED.log,
-    dataclasses.replace(PACKAGED.video, verdict_hold_s=0.1),
-    dataclasses.replace(PACKAGED.plots, dpi=50),
-)
+from shipland.report.video import VideoParameters
 
 
 @pytest.fixture(scope="module")
@@ -109,6 +103,13 @@ def test_json_is_plain_rounded_and_free_of_nan(tmp_path):
 # The recorder
 
 
+@pytest.fixture(scope="module", autouse=True)
+def short_films():
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("shipland.report.outputs.VideoParameters", lambda: VideoParameters(verdict_hold_s=0.1))
+        yield
+
+
 def grey_chase(truth):
     return np.full((540, 640, 3), 90, np.uint8)
 
@@ -117,7 +118,7 @@ def grey_chase(truth):
 def folder(tmp_path_factory):
     """What the last two seconds of a flight leave."""
     path = tmp_path_factory.mktemp("flown") / "out"
-    with Recorder(path, INFO, RIG, CAMERA, QUICK, grey_chase) as recorder:
+    with Recorder(path, INFO, RIG, CAMERA, grey_chase) as recorder:
         for record in flight(from_s=33.0):
             recorder.append(record)
         recorder.finish(VERDICT, "on the deck", {"see": 0.25})
@@ -137,7 +138,7 @@ def test_a_flight_leaves_its_folder(folder):
 
 
 def test_the_figures_follow_from_the_log_alone_and_are_the_same_twice(folder, tmp_path):
-    with Recorder(tmp_path / "out", INFO, RIG, CAMERA, QUICK, video=False) as recorder:
+    with Recorder(tmp_path / "out", INFO, RIG, CAMERA, video=False) as recorder:
         for record in flight(from_s=33.0):
             recorder.append(record)
         recorder.finish(VERDICT, "on the deck")
@@ -149,7 +150,7 @@ def test_the_figures_follow_from_the_log_alone_and_are_the_same_twice(folder, tm
 
 
 def test_ctrl_c_leaves_everything_of_what_was_flown(unarranged, tmp_path):
-    with pytest.raises(KeyboardInterrupt), Recorder(tmp_path, INFO, RIG, CAMERA, QUICK) as recorder:
+    with pytest.raises(KeyboardInterrupt), Recorder(tmp_path, INFO, RIG, CAMERA) as recorder:
         for count, record in enumerate(flight(from_s=20.0)):
             if count == 20:
                 raise KeyboardInterrupt
@@ -166,7 +167,7 @@ def test_an_output_that_fails_is_given_up_and_the_flight_goes_on(without_plots, 
     def broken(truth):
         raise RuntimeError("no OpenGL")
 
-    with Recorder(tmp_path, INFO, RIG, CAMERA, QUICK, broken) as recorder:
+    with Recorder(tmp_path, INFO, RIG, CAMERA, broken) as recorder:
         for record in flight(from_s=33.5, to_s=34.0, pictures=False):
             recorder.append(record)
         recorder.finish(None)
@@ -187,7 +188,7 @@ def test_a_real_flight_does_not_wait_for_its_disk_and_what_that_costs_is_said(wi
         write(log, record)
 
     monkeypatch.setattr(LogWriter, "append", slowly)
-    with Recorder(tmp_path, INFO, RIG, CAMERA, QUICK, video=False, aside=True) as recorder:
+    with Recorder(tmp_path, INFO, RIG, CAMERA, video=False, aside=True) as recorder:
         for record in flight(from_s=33.0, to_s=34.0):
             recorder.append(record)  # the disk stands still: this comes back all the same
         disk.set()
@@ -200,7 +201,7 @@ def test_a_real_flight_does_not_wait_for_its_disk_and_what_that_costs_is_said(wi
 
 
 def test_a_flight_without_a_cycle_leaves_no_picture(tmp_path):
-    with Recorder(tmp_path, INFO, RIG, CAMERA, QUICK) as recorder:
+    with Recorder(tmp_path, INFO, RIG, CAMERA) as recorder:
         recorder.finish(None, "the vehicle gave no frame")
     assert recorder.problems == []
     assert json.loads((tmp_path / "summary.json").read_text())["cycles"] == 0
@@ -212,7 +213,7 @@ def test_a_flight_without_a_cycle_leaves_no_picture(tmp_path):
 def test_a_folder_that_cannot_be_written_is_said_before_the_flight(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(DataError, match="cannot be written"):
-        Recorder(tmp_path / "file", INFO, RIG, CAMERA, QUICK)
+        Recorder(tmp_path / "file", INFO, RIG, CAMERA)
 
 
 def test_a_prediction_is_compared_with_the_truth_of_its_own_time(whole):

@@ -18,12 +18,11 @@ from shipland.frames import euler_from_rotation
 from shipland.messages import Box, Estimate, GimbalAttitude, Observation
 from shipland.report.chase import chase_camera, chase_state, look_at
 from shipland.report.lettering import put_text, text_width, wrap_text
-from shipland.report.outputs import OutputParameters
 from shipland.report.overlay import STRIP_HEIGHT_PX, Instruments, draw_sight, draw_zoom
 from shipland.report.palette import SKY, bgr
-from shipland.report.video import FlightVideo, Moments, VideoWriter, between
+from shipland.report.video import FlightVideo, Moments, VideoParameters, VideoWriter, between
 
-PARAMETERS = dataclasses.replace(OutputParameters().video, verdict_hold_s=0.5)
+PARAMETERS = VideoParameters(verdict_hold_s=0.5)
 SMALL = Camera.from_fov(320, 180, 69.0)
 
 

@@ -21,9 +21,8 @@ from shipland.factories import name_of
 from shipland.figures import PLOT_STYLE, drawn, new_figure
 from shipland.files import writing
 from shipland.frames import Array
-from shipland.report.outputs import OutputParameters
 from shipland.report.palette import BLUE, GREEN, VERMILION, unit
-from shipland.report.plots import PlotParameters, draw_pad
+from shipland.report.plots import DPI, draw_pad
 from shipland.report.svg import SERIES
 from shipland.rig import Rig, area_of
 from shipland.scenario.scenario import Scenario
@@ -83,9 +82,9 @@ def touchdowns_of(landings: Sequence[Landing]) -> Touchdowns:
     )
 
 
-def plot_touchdowns(path: Path, touchdowns: Touchdowns, rig: Rig, title: str, parameters: PlotParameters) -> None:
+def plot_touchdowns(path: Path, touchdowns: Touchdowns, rig: Rig, title: str, dpi: int = DPI) -> None:
     """Dots on deck and landing area, with median and largest distance; DataError when it cannot be written."""
-    with drawn(path, (6.2, 6.6), parameters.dpi) as figure:
+    with drawn(path, (6.2, 6.6), dpi) as figure:
         figure.suptitle(title, fontsize=13, fontweight="bold")
         draw_touchdowns(figure.add_subplot(), touchdowns, rig, "")
 
@@ -137,13 +136,13 @@ def plot_cells(cells: Sequence[CellResult]) -> Figure:
     return figure
 
 
-def plot_instants(path: Path, trace: DeckTrace, touchdowns: Touchdowns, title: str, parameters: PlotParameters) -> None:
+def plot_instants(path: Path, trace: DeckTrace, touchdowns: Touchdowns, title: str, dpi: int = DPI) -> None:
     """The deck's moving coordinates over time with a dot at each touchdown; DataError when it cannot be written.
 
     [Lee2022, §Tracking Capability and Landing Accuracy] shows its landings in this way.
     """
     curves = trace.curves()
-    with drawn(path, (10.4, 1.2 + 1.7 * max(len(curves), 1)), parameters.dpi) as figure:
+    with drawn(path, (10.4, 1.2 + 1.7 * max(len(curves), 1)), dpi) as figure:
         figure.suptitle(title, fontsize=13, fontweight="bold")
         grid = figure.add_gridspec(max(len(curves), 1), 2, width_ratios=[6, 1])
         for row, (name, values) in enumerate(curves):
@@ -186,10 +185,9 @@ def write_campaign(folder: Path, cell: Cell, landings: Sequence[Landing]) -> Non
         return
     touchdowns = touchdowns_of(landings)
     title = f"{scenario.name}, pilot {name_of(cell.pilot)}, vision {name_of(cell.vision)}"
-    parameters = OutputParameters().plots
-    plot_touchdowns(folder / "landings.png", touchdowns, scenario.rig, title, parameters)
+    plot_touchdowns(folder / "landings.png", touchdowns, scenario.rig, title)
     if scenario.ship.same_motion:
-        plot_instants(folder / "instants.png", deck_trace(scenario, landings), touchdowns, title, parameters)
+        plot_instants(folder / "instants.png", deck_trace(scenario, landings), touchdowns, title)
 
 
 def deck_trace(scenario: Scenario, landings: Sequence[Landing]) -> DeckTrace:

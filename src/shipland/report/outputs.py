@@ -11,7 +11,6 @@ from pathlib import Path
 
 from shipland.aside import Aside
 from shipland.camera import Camera
-from shipland.config import parameters
 from shipland.errors import DataError
 from shipland.extras import installed
 from shipland.messages import FlightRecord, GroundTruth, TouchdownVerdict
@@ -21,7 +20,7 @@ from shipland.record.layout import LAYOUT_NAME, write_layout
 from shipland.record.reader import FlightLog, read_log
 from shipland.record.writer import LogWriter
 from shipland.report.lettering import Image
-from shipland.report.plots import PlotParameters, plot_flight
+from shipland.report.plots import plot_flight
 from shipland.report.summary import summarise, write_json
 from shipland.report.video import Chase, FlightVideo, VideoParameters
 from shipland.rig import Rig
@@ -31,15 +30,6 @@ SUMMARY_NAME, TIMING_NAME = "summary.json", "timing.json"
 
 _MOST_ROWS, _MOST_PICTURES = 3000, 30
 """Most rows that wait for the disk in real time, and the number of waiting rows from which pictures are left out."""
-
-
-@parameters
-class OutputParameters:
-    """How a flight is kept: `[log]`, `[video]`, `[plots]`."""
-
-    log: LogParameters = LogParameters()
-    video: VideoParameters = VideoParameters()
-    plots: PlotParameters = PlotParameters()
 
 
 def _words(error: Exception) -> str:
@@ -61,7 +51,6 @@ class Recorder(AbstractContextManager["Recorder"]):
         info: FlightInfo,
         rig: Rig,
         camera: Camera,
-        parameters: OutputParameters,
         chase: Chase | None = None,
         video: bool = True,
         aside: bool = False,
@@ -76,10 +65,9 @@ class Recorder(AbstractContextManager["Recorder"]):
         self.problems: list[str] = []
         self._finished = self._log_failed = False
         self._flown: FlightLog | None = None
-        self._parameters = parameters
         self._cost_s = {"log": 0.0, "video": 0.0, "chase": 0.0}
         self._cycles = 0
-        self._log = LogWriter(folder / LOG_NAME, info, rig, camera, parameters.log)
+        self._log = LogWriter(folder / LOG_NAME, info, rig, camera, LogParameters())
         try:
             for name in (VIDEO_NAME, PLOTS_NAME, SUMMARY_NAME, TIMING_NAME, LAYOUT_NAME):
                 (folder / name).unlink(missing_ok=True)
@@ -89,7 +77,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._attempt("layout", partial(write_layout, folder / LAYOUT_NAME))
         if video:
             timed_chase = None if chase is None else self._timed_chase(chase)
-            self._outputs["video"] = FlightVideo(folder / VIDEO_NAME, rig, camera, parameters.video, timed_chase)
+            self._outputs["video"] = FlightVideo(folder / VIDEO_NAME, rig, camera, VideoParameters(), timed_chase)
         self._aside = Aside(self._write, _MOST_ROWS, "recorder") if aside else None
 
     def append(self, record: FlightRecord) -> None:
@@ -164,7 +152,7 @@ class Recorder(AbstractContextManager["Recorder"]):
 
     def _write_plots(self) -> None:
         if self._flown is not None and self._flown.records and installed("plots"):
-            plot_flight(self.folder / PLOTS_NAME, self._flown, self._parameters.plots)
+            plot_flight(self.folder / PLOTS_NAME, self._flown)
 
     def _write_timing(self, cost_s: Mapping[str, float]) -> None:
         own_s = dict(self._cost_s)

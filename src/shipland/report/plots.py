@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from shipland.config import key, parameters
 from shipland.errors import DataError
 from shipland.figures import drawn
 from shipland.frames import Array
@@ -35,19 +34,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+DPI = 160
+"""A flight is 1660 px wide: sharp at twice the width of a README."""
 _STEP_S = 0.05
 """Cycles that are as close as this are drawn as they are."""
 PLACES = ("ahead of the pad's centre [m]", "right of it [m]", "height over the neutral deck [m]")
 _TRUTH, _SEEN = unit(BLACK), unit(ORANGE)
-
-
-@parameters
-class PlotParameters:
-    """`[plots]` of the outputs."""
-
-    dpi: int = key(
-        160, "resolution, in pixels an inch", "1660 px wide: sharp at twice the width of a README", ge=40, le=600
-    )
 
 
 def write_title(figure: Figure, log: FlightLog) -> None:
@@ -58,12 +50,12 @@ def write_title(figure: Figure, log: FlightLog) -> None:
     figure.suptitle(f"{info.scenario}{seed}, pilot {info.pilot}:  {end}", fontsize=13, fontweight="bold")
 
 
-def plot_flight(path: Path, log: FlightLog, parameters: PlotParameters) -> None:
+def plot_flight(path: Path, log: FlightLog, dpi: int = DPI) -> None:
     """Write the picture of one flight; DataError when the log has no rows or the file cannot be written."""
     if not log.records:
         raise DataError("the flight log has no rows: nothing to plot")
     columns, info, verdict = log.columns(), log.header.info, log.verdict
-    with drawn(path, (10.4, 11.6), parameters.dpi) as figure:
+    with drawn(path, (10.4, 11.6), dpi) as figure:
         write_title(figure, log)
         grid = figure.add_gridspec(6, 2, height_ratios=[0.16, 1, 1, 1, 1, 1])
         band = figure.add_subplot(grid[0, :])

@@ -16,7 +16,6 @@ from shipland.record.reader import FlightLog, read_log
 from shipland.report.landing_plots import Touchdowns, plot_touchdowns
 from shipland.report.palette import GREY, MODE_COLOURS, MODE_NAMES, VERMILION, Rgb, unit
 from shipland.report.plots import (
-    PlotParameters,
     draw_forward,
     draw_heading,
     draw_mode_key,
@@ -53,14 +52,14 @@ def figures_of_flights(folder: Path, out: Path) -> list[Path]:
 
     DataError where there are no logs, or a file cannot be written.
     """
-    logs, parameters = read_flights(folder), PlotParameters(_DPI)
+    logs = read_flights(folder)
     farthest = max(logs, key=lambda log: Tracks(log).distance_m[0])
     info = logs[0].header.info
     title = f"{info.scenario}, pilot {info.pilot}, {len(logs)} flight{'s' if len(logs) > 1 else ''}"
     paths = [out / name for name in ("trajectories.png", "commands.png", "landings.png")]
-    plot_trajectories(paths[0], logs, title, parameters)
-    plot_commands(paths[1], farthest, parameters)
-    plot_touchdowns(paths[2], touchdowns_of(logs), logs[0].header.rig, title, parameters)
+    plot_trajectories(paths[0], logs, title)
+    plot_commands(paths[1], farthest)
+    plot_touchdowns(paths[2], touchdowns_of(logs), logs[0].header.rig, title, _DPI)
     return paths
 
 
@@ -95,13 +94,13 @@ def touchdowns_of(logs: Sequence[FlightLog]) -> Touchdowns:
     )
 
 
-def plot_trajectories(path: Path, logs: Sequence[FlightLog], title: str, parameters: PlotParameters) -> None:
+def plot_trajectories(path: Path, logs: Sequence[FlightLog], title: str) -> None:
     """Many flights from above and from the side, by mode, as in [Lee2022, §Tracking Capability and Landing Accuracy].
 
     Above: in the axes of the ship at the start; a ship under way is drawn every five seconds. Side: height over the
     neutral deck against distance from the ship.
     """
-    with drawn(path, (10.4, 9.0), parameters.dpi) as figure:
+    with drawn(path, (10.4, 9.0), _DPI) as figure:
         figure.suptitle(title, fontsize=13, fontweight="bold")
         above, beside = figure.subplots(2, 1, height_ratios=[2.2, 1.0])
         tracks = [Tracks(log) for log in logs]
@@ -175,10 +174,10 @@ def draw_key(axes: Axes, logs: Sequence[FlightLog]) -> None:
     axes.legend(handles=handles, loc="best", ncols=2)
 
 
-def plot_commands(path: Path, log: FlightLog, parameters: PlotParameters) -> None:
+def plot_commands(path: Path, log: FlightLog) -> None:
     """One flight's sticks, distances and heading over time, the mode behind them, as in the same place of [Lee2022]."""
     columns = log.columns()
-    with drawn(path, (9.0, 11.0), parameters.dpi) as figure:
+    with drawn(path, (9.0, 11.0), _DPI) as figure:
         write_title(figure, log)
         band, *panels = figure.subplots(7, 1, height_ratios=[0.16, 1, 1, 1, 1, 1, 1])
         draw_mode_key(band, columns)

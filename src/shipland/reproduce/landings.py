@@ -18,7 +18,6 @@ from shipland.evaluation.tally import Tally
 from shipland.figures import drawn
 from shipland.record.reader import FlightLog, read_log
 from shipland.report.landing_plots import deck_trace, draw_touchdowns, plot_instants, plot_touchdowns, touchdowns_of
-from shipland.report.outputs import OutputParameters
 from shipland.reproduce.flight_figures import Tracks, draw_above, draw_key
 from shipland.rig import Rig
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
@@ -80,10 +79,10 @@ def touchdowns(path: Path, _: Scenario, *, runs: int) -> str:
     for name, words in MOTIONS.items():
         scenario = load_scenario(scenario_table(name, None, ("ship.same_motion=true",)))
         landings = [_landed(f"{words}: flight {seed} of {runs}", scenario, seed) for seed in range(1, runs + 1)]
-        met, title, parameters = touchdowns_of(landings), f"{words}, pilot {PILOT}", OutputParameters().plots
+        met, title = touchdowns_of(landings), f"{words}, pilot {PILOT}"
         trace = deck_trace(scenario, landings)
-        plot_instants(path.with_name(f"{path.stem}-{name}.png"), trace, met, title, parameters)
-        plot_touchdowns(path.with_name(f"landing-points-{name}.png"), met, scenario.rig, title, parameters)
+        plot_instants(path.with_name(f"{path.stem}-{name}.png"), trace, met, title)
+        plot_touchdowns(path.with_name(f"landing-points-{name}.png"), met, scenario.rig, title)
         tally = Tally.of(landings)
         touched = sum(landing.touched for landing in landings)
         rows.append((words, runs, tally.landed, tally.interval_text(0), touched))
