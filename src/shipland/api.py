@@ -19,9 +19,10 @@ from shipland.compiled import say_that_it_compiles
 from shipland.errors import ConfigError
 from shipland.factories import Factory
 from shipland.flight import fly as fly_loop
+from shipland.flight import no_override
 from shipland.frames import Array
 from shipland.guidance.response import Response
-from shipland.messages import FlightRecord
+from shipland.messages import FlightRecord, Override
 from shipland.scenario.autonomy import aircraft_scale, build_autonomy, build_scene, build_vehicle
 from shipland.scenario.faults import with_faults
 from shipland.scenario.fly import Flown, flight_info
@@ -36,7 +37,6 @@ if TYPE_CHECKING:  # one flight that leaves nothing imports neither records nor 
     from shipland.record.columns import FlightColumns
     from shipland.record.info import FlightInfo
     from shipland.report.outputs import Recorder
-    from shipland.scenario.real_vehicle import Keys
     from shipland.sim.scene.scene import Scene
 
 __all__ = ["Flight", "fly", "load_scenario", "without_pictures"]
@@ -106,7 +106,7 @@ def fly(
     on_cycle: Callable[[FlightRecord], None] = lambda _: None,
     command: str = "",
     vehicle: Vehicle | None = None,
-    keys: Keys | None = None,
+    override: Callable[[], Override | None] = no_override,
     response: Response | None = None,
 ) -> Flight:
     """Fly one landing, in the simulator unless a vehicle is given; Ctrl-C and its like end it at the next cycle.
@@ -121,7 +121,7 @@ def fly(
         on_cycle: sees every row as it is flown.
         command: command line to write down.
         vehicle: what is flown instead of the simulated one (`scenario.real_vehicle`); connected, if real.
-        keys: for holding and climbing by hand.
+        override: asked each cycle whether a person holds or climbs by hand; None leaves the pilot to fly.
         response: what full sticks mean, where `shipland identify` has measured it.
 
     Raises:
@@ -142,8 +142,7 @@ def fly(
         autonomy = build_autonomy(scenario, flown, pilot, vision, seed, response)
         if isinstance(flown, SimulatedVehicle):
             flown, autonomy = with_faults(scenario, flown, autonomy, seed)
-        if keys is not None:
-            autonomy = replace(autonomy, override=stack.enter_context(keys.listening()).override)
+        autonomy = replace(autonomy, override=override)
         recorder = None
         if out is not None:
             info = flight_info(scenario, pilot, vision, seed, command)

@@ -4,6 +4,7 @@ import base64
 import json
 import re
 import signal
+import typing
 from dataclasses import replace
 
 import cv2
@@ -28,6 +29,11 @@ def test_what_the_package_gives_is_listed_and_nothing_else():
     assert set(shipland.__all__) <= set(dir(shipland))
     with pytest.raises(AttributeError, match="load_scenario"):
         _ = shipland.no_such_thing
+
+
+@pytest.mark.parametrize("name", ["fly", "campaign", "see"])
+def test_the_types_of_its_arguments_can_be_asked(name):
+    assert typing.get_type_hints(getattr(shipland, name))["return"]
 
 
 def test_a_flight_gives_arrays():

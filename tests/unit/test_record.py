@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up_flight import CAMERA, INFO, RIG, VERDICT, corners_px, flight, record_at, truth_at, write_log
+from made_up_flight import CAMERA, INFO, RIG, VERDICT, corners_px, flight, log_of, record_at, truth_at, write_log
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.decoder import DecoderFactory
@@ -168,13 +168,11 @@ def test_the_digest_ignores_the_order_of_keys_only():
 
 
 def test_the_log_gives_back_the_flight(landing_log):
-    log = read_log(landing_log)
-    records = list(flight(from_s=FROM_S, to_s=TO_S, pictures=False))
-    assert log.complete
-    assert len(log.records) == len(records) == 60
-    assert all(same(have, want) for have, want in zip(log.records, records, strict=True))
-    assert same(log.verdict, VERDICT)
-    assert log.header.info == INFO
+    log, flown = read_log(landing_log), log_of(flight(from_s=FROM_S, to_s=TO_S, pictures=False))
+    assert len(log.records) == 60
+    assert log == flown
+    assert log != dataclasses.replace(flown, verdict=None)
+    assert log != dataclasses.replace(flown, records=flown.records[1:])
 
 
 def test_the_same_flight_gives_the_same_bytes(landing_log, tmp_path):
@@ -276,26 +274,39 @@ def test_lengths_that_no_file_has_end_the_log_or_are_one_line(small_log, tmp_pat
                 assert "\n" not in str(error)
 
 
-def test_a_row_that_is_no_json_is_one_line(tmp_path, rng):
-    def logged(*rows):
+@pytest.fixture
+def logged(tmp_path):
+    """Writes a log of these texts as rows, under a header."""
+
+    def write(*rows, **of_header):
         path = tmp_path / "rows.mcap"
         with path.open("wb") as stream:
             writer = Writer(stream, compression=CompressionType.NONE)
             writer.start()
-            header = json.dumps(to_row(LogHeader(FORMAT_VERSION, INFO, RIG, CAMERA))).encode()
+            header = json.dumps(to_row(LogHeader(FORMAT_VERSION, INFO, RIG, CAMERA)) | of_header).encode()
             for topic, data in (("/header", header), *(("/flight", row) for row in rows)):
                 channel = writer.register_channel(topic, "json", 0)
                 writer.add_message(channel, log_time=0, publish_time=0, data=data)
             writer.finish()
         return path
 
+    return write
+
+
+def test_a_row_that_is_no_json_is_one_line(logged, rng):
     good = json.dumps(to_row(record_at(33.0, rng))).encode()
     assert len(read_log(logged(good, good)).records) == 2
     for bad in (b'{"a": ', b"[" * 100_000, b'{"a": ' + b"1" * 5000 + b"}", b"\xff", b"3"):
         with pytest.raises(DataError, match=r"rows\.mcap: message 2 of /flight is no row"):
             read_log(logged(good, bad, good))
-    with pytest.raises(DataError, match="a row of FlightRecord"):
+    with pytest.raises(DataError, match=r"rows\.mcap: a row of FlightRecord"):
         read_log(logged(good, b"[]", good))
+
+
+def test_a_log_of_another_format_says_so_whatever_its_header_lacks(logged):
+    for of_header in ({"format_version": 9}, {"format_version": 9, "info_scenario": 3}):
+        with pytest.raises(DataError, match=r"rows\.mcap is a flight log of format 9, expected 2"):
+            read_log(logged(**of_header))
 
 
 # What viewers see

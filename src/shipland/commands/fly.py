@@ -77,6 +77,7 @@ class Fly(ScenarioOptions):
 
     def _fly(self, terminal: Terminal) -> int:
         from shipland.api import fly
+        from shipland.flight import no_override
         from shipland.scenario.autonomy import response_of
         from shipland.scenario.real_vehicle import Keys, identified
 
@@ -93,6 +94,7 @@ class Fly(ScenarioOptions):
         with ExitStack() as stack:
             live = self._live(scenario, vehicle, terminal, stack) if self.live else None
             progress = stack.enter_context(ProgressLine(terminal, vehicle))
+            override = no_override if vehicle is None else stack.enter_context(Keys().listening()).override
             started_s: float | None = None
 
             def on_cycle(record: FlightRecord) -> None:
@@ -115,7 +117,7 @@ class Fly(ScenarioOptions):
                 on_cycle=on_cycle,
                 command=command_line(),
                 vehicle=vehicle,
-                keys=None if vehicle is None else Keys(),
+                override=override,
                 response=response,
             )
             if live is not None:

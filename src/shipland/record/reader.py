@@ -11,14 +11,14 @@ from shipland.mcap_records import mcap_records
 from shipland.messages import FlightRecord, TouchdownVerdict
 from shipland.record.columns import FlightColumns
 from shipland.record.info import FORMAT_VERSION, LogHeader
-from shipland.rows import Row, from_row
+from shipland.rows import Row, from_row, to_row
 
 FLIGHT_TOPIC, HEADER_TOPIC, VERDICT_TOPIC = "/flight", "/header", "/verdict"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FlightLog:
-    """A flight log.
+    """A flight log; two are equal that hold the same flight.
 
     Attributes:
         header: which flight, with which rig and camera.
@@ -31,6 +31,13 @@ class FlightLog:
     records: tuple[FlightRecord, ...] = field(repr=False)
     verdict: TouchdownVerdict | None
     complete: bool
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, FlightLog) and self._rows() == other._rows()
+
+    def _rows(self) -> list[Row]:
+        verdict = () if self.verdict is None else (self.verdict,)
+        return [{"complete": self.complete}, *map(to_row, (self.header, *self.records, *verdict))]
 
     def columns(self) -> FlightColumns:
         """The flight as arrays."""
@@ -46,14 +53,18 @@ def read_log(path: Path) -> FlightLog:
     rows, complete = _read_rows(path)
     if not rows[HEADER_TOPIC]:
         raise DataError(f"{path} holds no flight log: it lacks the channel {HEADER_TOPIC}")
-    header = from_row(LogHeader, rows[HEADER_TOPIC][0])
-    if header.format_version != FORMAT_VERSION:
+    version = rows[HEADER_TOPIC][0].get("format_version")
+    if version != FORMAT_VERSION:
         raise DataError(
-            f"{path} is a flight log of format {header.format_version}, expected {FORMAT_VERSION}; "
+            f"{path} is a flight log of format {version}, expected {FORMAT_VERSION}; "
             "read it with the version of shipland that wrote it"
         )
-    records = tuple(from_row(FlightRecord, row) for row in rows[FLIGHT_TOPIC])
-    verdict = from_row(TouchdownVerdict, rows[VERDICT_TOPIC][-1]) if rows[VERDICT_TOPIC] else None
+    try:
+        header = from_row(LogHeader, rows[HEADER_TOPIC][0])
+        records = tuple(from_row(FlightRecord, row) for row in rows[FLIGHT_TOPIC])
+        verdict = from_row(TouchdownVerdict, rows[VERDICT_TOPIC][-1]) if rows[VERDICT_TOPIC] else None
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from None
     return FlightLog(header, records, verdict, complete)
 
 
