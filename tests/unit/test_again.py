@@ -55,6 +55,13 @@ def test_a_flight_of_a_vehicle_outside_is_refused(tmp_path):
         Again(tmp_path / "f.mcap", out=tmp_path / "again").run()
 
 
+def test_a_log_whose_command_is_no_command_line_is_flown_again(tmp_path):
+    log = logged(tmp_path / "f.mcap", replace(INFO, command="Tuesday's flight", configuration="{"))
+    assert log.header.info.command == "Tuesday's flight"
+    with pytest.raises(DataError, match="configuration cannot be read"):  # it gets as far as that
+        Again(tmp_path / "f.mcap", out=tmp_path / "again").run()
+
+
 def test_another_version_is_named():
     assert versions("0.0.7").startswith("flown by version 0.0.7, again by ")
     assert "perhaps" in versions(code_version()) or not versions(code_version())

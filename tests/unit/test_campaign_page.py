@@ -5,11 +5,14 @@ import re
 import shutil
 import subprocess
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from test_campaign import GOOD, NOWHERE
 
+from shipland.commands.report import Report
+from shipland.errors import ConfigError
 from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.oracle import OracleRate
 from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of
@@ -136,6 +139,26 @@ def test_charts_hold_what_was_flown(page):
     assert "oracle 97.0 %" in text
     shares = re.findall(r"<title>rig-natops_mean_mps=0, horizon: (\d+) of 40", text)
     assert shares == ["39"]
+
+
+def test_no_flight_is_too_windy_or_too_fast_for_the_charts(tmp_path):
+    cell = made_up(tmp_path)[0]
+    given = {"wind_mps": (2.0, 30.0), "ship_mps": (2.0, 7.7), "waves_from_deg": (20.0, 300.0), "video_s": (0.1, 1.5)}
+    both = [
+        replace(
+            cell.landings[0], seed=at, conditions=replace(GOOD.conditions, **{key: it[at] for key, it in given.items()})
+        )
+        for at in (0, 1)
+    ]
+    text = campaign_page([replace(cell, landings=tuple(both))], ABOUT, {}, tmp_path)
+    for title in ("wind", "ship&#x27;s speed", "waves", "video latency"):
+        assert text.count(f"paper, {title}: 1 of 1") == 2, title
+
+
+@pytest.mark.parametrize("motions", [1, -3])
+def test_an_oracle_rate_wants_two_motions(motions):
+    with pytest.raises(ConfigError, match=f"--oracle-motions must be 0, or 2 and more, got {motions}"):
+        Report((Path("anywhere"),), oracle_motions=motions).run()
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="wants Chromium to open the page")

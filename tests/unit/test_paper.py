@@ -8,6 +8,7 @@ import pytest
 
 from pictures import Look, bar_picture, camera_from_bar, project_plane
 from shipland.camera import Camera
+from shipland.errors import ConfigError
 from shipland.frames import CAMERA_FROM_MOUNT
 from shipland.messages import BarPose, Frame, GimbalAttitude, Observation
 from shipland.reproduce.detections import detections
@@ -219,6 +220,11 @@ def test_the_closed_loop_pictures_can_be_drawn(tmp_path):
     hover = NearTrace(t_s, np.cos(t_s), np.cos(t_s), np.sin(t_s), np.sin(t_s))
     plot_near(tmp_path / "near.png", dict.fromkeys("abc", hover))
     assert all((tmp_path / f"{name}.png").stat().st_size > 5000 for name in ("steps", "readings", "near"))
+
+
+def test_a_number_of_landings_below_none_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="--runs must be 0 or more, got -1"):
+        run_paper(tmp_path, "touchdowns", None, runs=-1)
 
 
 @pytest.mark.parametrize("variant", ["saturating", "growing"])

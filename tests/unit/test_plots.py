@@ -5,14 +5,15 @@ import dataclasses
 import cv2
 import numpy as np
 import pytest
-from made_up_flight import RIG, VERDICT, flight, log_of, record_at
+from made_up_flight import RIG, VERDICT, flight, log_of, record_at, truth_at
 
 from shipland.errors import DataError
 from shipland.figures import new_figure
 from shipland.messages import Mode
 from shipland.report.landing_plots import DeckTrace, Touchdowns, plot_instants, plot_touchdowns
-from shipland.report.palette import BLUE, MODE_COLOURS, MODE_NAMES, VERMILION, unit
+from shipland.report.palette import BLUE, GREEN, MODE_COLOURS, MODE_NAMES, VERMILION, unit
 from shipland.report.plots import DPI, draw_footprint, draw_pad, plot_flight, smooth
+from shipland.report.views import SIDE_PX, TEXT_PX, FlightViews
 
 LOW_DPI = 60
 
@@ -120,6 +121,18 @@ def test_no_landing_at_all_is_shown_as_such(tmp_path):
     assert picture(tmp_path / "scatter.png").std() > 2.0
     with pytest.raises(ValueError, match=r"shapes \(1, 2\) and \(1,\) for 1 times"):
         Touchdowns(np.zeros(1), np.zeros((2, 2)), np.array([False]))
+
+
+def test_a_landing_circle_is_round_from_above():
+    for area, least, most in (("square", 1.3, 2.0), ("circle", 1.0, 1.25)):
+        rig = dataclasses.replace(RIG, landing_area=area, landing_square_m=0.6)
+        views = FlightViews(rig, 0.24)
+        views.note(truth_at(20.0))
+        top = views.picture()[TEXT_PX + SIDE_PX :]
+        green = np.argwhere((np.abs(top.astype(int) - GREEN) < 60).all(axis=2))
+        around = green[green[:, 1] < green[:, 1].max() - 50]  # the bar is green too, and ahead
+        radius_px = np.linalg.norm(around - around.mean(axis=0), axis=1)
+        assert least < radius_px.max() / radius_px.min() < most, area
 
 
 def test_the_resolution_suits_a_readme():

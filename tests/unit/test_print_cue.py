@@ -133,6 +133,8 @@ def test_what_lies_on_fewer_sheets_turned_is_turned():
 def test_wrong_input_is_one_line(tmp_path):
     with pytest.raises(ConfigError, match=r"--paper A7 is not known; there are: A4"):
         PrintCue(paper="A7", out=tmp_path / "cue.pdf").run()
+    with pytest.raises(ConfigError, match="give either a cue or --board"):
+        PrintCue(tmp_path / "bar.toml", board="9x6", out=tmp_path / "cue.pdf").run()
     with pytest.raises(ConfigError, match="expected inner corners"):
         chessboard_drawing("9", 0.025)
     with pytest.raises(ConfigError, match=r"expected 0\.001 to 1 m"):

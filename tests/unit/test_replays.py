@@ -13,6 +13,7 @@ from made_up_flight import INFO, flight, write_log
 
 from pictures import write_film
 from shipland.camera import Camera
+from shipland.commands.replay import Replay
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation.job import FlightJob, land_once
 from shipland.evaluation.replays import differences, recorded_film, recorded_flight, replay
@@ -52,6 +53,14 @@ def test_another_pilot_and_other_settings_differ(log):
 def test_a_vision_that_wants_pictures_says_that_there_are_none(log):
     with pytest.raises(DataError, match="try --vision geometric"):
         replay(recorded_flight(log, vision="rendered"))
+
+
+def test_a_recording_is_not_written_over(log):
+    before = log.read_bytes()
+    for option in ("out", "viewer_file"):
+        with pytest.raises(ConfigError, match=r"flight\.mcap is what is replayed: name another file"):
+            Replay(recording=log, **{option: log}).run()
+    assert log.read_bytes() == before
 
 
 def test_a_film_is_seen_and_decided_on(tmp_path):

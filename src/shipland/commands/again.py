@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -97,7 +98,9 @@ class Again:
             raise ConfigError(f"--seed {self.seed}: {self.log} holds one flight; a seed is for the folder of a cell")
         before = read_log(self.log)
         info = before.header.info
-        words = [word.partition("=")[0] for word in shlex.split(info.command)]
+        words = []
+        with suppress(ValueError):  # not typed in a shell: a text that a program gave
+            words = [word.partition("=")[0] for word in shlex.split(info.command)]
         if info.seed is None or "--vehicle" in words:
             raise DataError(f"{self.log} is no flight of the simulator: only that can be flown again; see `replay`")
         if "--vehicle-config" in words and self.vehicle_config is None:

@@ -40,9 +40,12 @@ class PrintCue:
         """Write it and say how to print it."""
         require("plots", "`shipland print-cue`")
         from shipland.cue import Cue
+        from shipland.errors import ConfigError
         from shipland.report.print_sheets import chessboard_drawing, cue_drawing, print_sheets, words_of
         from shipland.scenario.scenario import load_scenario
 
+        if self.board and self.cue is not None:
+            raise ConfigError("give either a cue or --board")
         if self.board:
             drawing, title = chessboard_drawing(self.board, self.square_m), f"chessboard {self.board}"
         else:

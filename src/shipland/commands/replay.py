@@ -47,14 +47,18 @@ class Replay(ScenarioOptions):
 
     def run(self) -> int:
         """Replay and print what differs; 1 where the log breaks off."""
+        from shipland.errors import ConfigError
         from shipland.evaluation.replays import differences
 
+        written = [path for path in (self.out, self.viewer_file) if path is not None]
+        for path in written:
+            if path.resolve() == self.recording.resolve():
+                raise ConfigError(f"{path} is what is replayed: name another file to write")
         recording = self._recording()
         for line in differences(self._replayed(recording)):
             print(line)
-        written = [str(path) for path in (self.out, self.viewer_file) if path is not None]
         if written:
-            print(f"written: {', '.join(written)}", file=sys.stderr)
+            print(f"written: {', '.join(map(str, written))}", file=sys.stderr)
         if not recording.complete:
             how = f"{len(recording.records)} cycles read, the log was not closed"
             print(f"shipland: {self.recording} breaks off: {how}", file=sys.stderr)
@@ -69,7 +73,6 @@ class Replay(ScenarioOptions):
         with ExitStack() as stack:
             sinks = []
             if self.out is not None:
-                self.out.parent.mkdir(parents=True, exist_ok=True)
                 log = flight_log(self.out, scenario, recording.pilot, recording.vision, recording.seed, command_line())
                 sinks.append(stack.enter_context(log).append)
             if self.viewer or self.viewer_file is not None:

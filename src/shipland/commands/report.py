@@ -33,6 +33,8 @@ class Report:
 
         if not self.folders:
             raise ConfigError("give the folder of a campaign, or bundles")
+        if self.oracle_motions == 1 or self.oracle_motions < 0:
+            raise ConfigError(f"--oracle-motions must be 0, or 2 and more, got {self.oracle_motions}")
         bundles = [path.suffix == ".zip" for path in self.folders]
         if any(bundles) and not all(bundles):
             raise ConfigError("give either folders or bundles")

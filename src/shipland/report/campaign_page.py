@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from shipland.evaluation.campaign import CellResult
-from shipland.evaluation.landing import Landing
+from shipland.evaluation.landing import Conditions, Landing
 from shipland.evaluation.leaderboard import leaderboard, pairs, rests_in_area, rivals, swept_keys
 from shipland.evaluation.oracle import OracleRate
 from shipland.evaluation.tables import quantile
@@ -211,15 +211,21 @@ def _label(cell: CellResult, keys: Sequence[str]) -> str:
     return " ".join(re.sub(r"[\[\]\"']", "", value) for value in values if value)[:16] or "as packaged"
 
 
+def _off_bow_deg(conditions: Conditions) -> float | None:
+    """Where the waves come from, to either side."""
+    from_deg = conditions.waves_from_deg
+    return None if from_deg is None else abs((from_deg + 180.0) % 360.0 - 180.0)
+
+
 _CONDITIONS: tuple[tuple[str, str, Callable[[Landing], float | None], tuple[float, ...]], ...] = (
-    ("Wind", "mean wind [m/s]", lambda it: it.conditions.wind_mps, (0, 1, 2, 4, 6, 8, 10, 14)),
-    ("Wind off the bow", "[°]", lambda it: abs(it.conditions.wind_off_bow_deg), (0, 45, 90, 135, 180.1)),
-    ("Sea state", "", lambda it: it.conditions.sea_state, (2.5, 3.5, 4.5, 5.5, 6.5)),
-    ("Waves", "from, off the bow [°]", lambda it: it.conditions.waves_from_deg, (0, 30, 75, 105, 150, 180.1)),
-    ("Ship's speed", "[m/s]", lambda it: it.conditions.ship_mps, (0, 0.25, 1, 3, 6)),
-    ("Visibility", "[m]", lambda it: it.conditions.visibility_m, (0, 750, 2000, 10000, 1e6)),
-    ("Start", "distance [m]", lambda it: it.conditions.start_distance_m, (0, 20, 60, 120, 180, 300)),
-    ("Video latency", "[s]", lambda it: it.conditions.video_s, (0, 0.1, 0.2, 0.4, 1.0)),
+    ("Wind", "mean wind [m/s]", lambda it: it.conditions.wind_mps, (0, 1, 2, 4, 6, 8, 10, math.inf)),
+    ("Wind off the bow", "[°]", lambda it: abs(it.conditions.wind_off_bow_deg), (0, 45, 90, 135, math.inf)),
+    ("Sea state", "", lambda it: it.conditions.sea_state, (0, 3.5, 4.5, 5.5, math.inf)),
+    ("Waves", "from, off the bow [°]", lambda it: _off_bow_deg(it.conditions), (0, 30, 75, 105, 150, math.inf)),
+    ("Ship's speed", "[m/s]", lambda it: it.conditions.ship_mps, (0, 0.25, 1, 3, math.inf)),
+    ("Visibility", "[m]", lambda it: it.conditions.visibility_m, (0, 750, 2000, 10000, math.inf)),
+    ("Start", "distance [m]", lambda it: it.conditions.start_distance_m, (0, 20, 60, 120, 180, math.inf)),
+    ("Video latency", "[s]", lambda it: it.conditions.video_s, (0, 0.1, 0.2, 0.4, math.inf)),
 )
 """Title, unit, value of a landing, edges of the bins."""
 

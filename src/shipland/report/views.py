@@ -22,6 +22,9 @@ _LEAST_REACH_M = 2.0
 _LEAST_AIRCRAFT_PX = 12
 _SHIFT = 4
 """OpenCV's fixed point: sixteenths of a pixel."""
+_SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+_CIRCLE = np.array([[math.sin(0.2 * at), math.cos(0.2 * at), 0.0] for at in range(32)])
+"""Around the origin of `deck`, one to either side."""
 
 
 _Projection = Callable[[Array], Array]
@@ -95,9 +98,12 @@ class FlightViews:
     def _moving(self, panel: Image, px: _Projection, scale: float, trail_m: Array, truth: GroundTruth) -> None:
         """Deck, trail and aircraft."""
         ship_from_ned = truth.ned_from_ship.inverse()
-        for side_m, colour in ((self._rig.deck_size_m, GREY), (self._rig.landing_square_m, GREEN)):
-            corners_m = 0.5 * side_m * np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-            _line(panel, px((ship_from_ned @ truth.ned_from_deck).apply(corners_m)), colour, 1, closed=True)
+        landing = _CIRCLE if self._rig.landing_area == "circle" else _SQUARE
+        for outline_m, colour in (
+            (0.5 * self._rig.deck_size_m * _SQUARE, GREY),
+            (0.5 * self._rig.landing_square_m * landing, GREEN),
+        ):
+            _line(panel, px((ship_from_ned @ truth.ned_from_deck).apply(outline_m)), colour, 1, closed=True)
         _line(panel, px(trail_m), BLUE, 1)
         half_m = 0.5 * max(self._aircraft_m, _LEAST_AIRCRAFT_PX / scale)
         ship_from_body = ship_from_ned @ truth.ned_from_body

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import get_args
 
+from shipland.errors import ConfigError
 from shipland.evaluation.tables import markdown
 from shipland.extras import require
 from shipland.guidance.laws import derivative_gain, exponential_law
@@ -33,6 +34,8 @@ def run_paper(out: Path, only: FigureName | None, flights: Path | None, runs: in
     the paper's fifty.
     """
     require("plots", "`shipland paper`")
+    if runs < 0:
+        raise ConfigError(f"--runs must be 0 or more, got {runs}")
     if flights is not None:
         for path in figures_of_flights(flights, out):
             print(path)
