@@ -7,7 +7,7 @@ import pytest
 from made_up_flight import VERDICT, flight, log_of, write_log
 
 from shipland.errors import DataError
-from shipland.reproduce.flight_figures import Tracks, figures_of_flights, plot_commands, read_flights, touchdowns_of
+from shipland.reproduce.flight_figures import Tracks, figures_of_flights, first_contacts, plot_commands, read_flights
 
 
 @pytest.fixture(scope="module")
@@ -29,10 +29,10 @@ def test_tracks_lie_in_the_axes_of_the_ship_at_the_start(records):
 
 def test_touchdowns_of_landed_missed_and_lost_flights(records):
     missed = dataclasses.replace(VERDICT, in_square=False)
-    dots = touchdowns_of([log_of(records), log_of(records, missed), log_of(records, None)])
-    assert dots.landed.tolist() == [True, False, False]
-    assert dots.place_in_deck_m[0] == pytest.approx(VERDICT.touchdown_in_deck_m)
-    assert np.isnan(dots.place_in_deck_m[2]).all()
+    dots = first_contacts([log_of(records), log_of(records, missed), log_of(records, None)])
+    assert [it.landed for it in dots] == [True, False, False]
+    assert dots[0][:3] == (VERDICT.t_s, *VERDICT.touchdown_in_deck_m)
+    assert np.isnan(dots[2][:3]).all()
 
 
 def test_pictures_are_remade_bit_by_bit(records, unarranged, tmp_path):

@@ -10,7 +10,7 @@ from made_up_flight import RIG, VERDICT, flight, log_of, record_at, truth_at
 from shipland.errors import DataError
 from shipland.figures import new_figure
 from shipland.messages import Mode
-from shipland.report.landing_plots import DeckTrace, Touchdowns, plot_instants, plot_touchdowns
+from shipland.report.landing_plots import DeckTrace, Touchdown, plot_instants, plot_touchdowns
 from shipland.report.palette import BLUE, GREEN, MODE_COLOURS, MODE_NAMES, VERMILION, unit
 from shipland.report.plots import DPI, draw_footprint, draw_pad, plot_flight, smooth
 from shipland.report.views import SIDE_PX, TEXT_PX, FlightViews
@@ -92,8 +92,8 @@ def test_the_footprint_lies_where_the_aircraft_stands():
 
 
 def test_dots_of_many_landings_lie_at_their_places(tmp_path):
-    place_m = np.array([[0.1, -0.05], [0.3, 0.3], [np.nan, np.nan]])
-    touchdowns = Touchdowns(np.array([5.0, 9.0, np.nan]), place_m, np.array([True, False, False]))
+    never = Touchdown(np.nan, np.nan, np.nan, False)
+    touchdowns = [Touchdown(5.0, 0.1, -0.05, True), Touchdown(9.0, 0.3, 0.3, False), never]
     plot_touchdowns(tmp_path / "scatter.png", touchdowns, RIG, "three", LOW_DPI)
     t_s = np.arange(0.0, 20.0, 0.1)
     still = np.zeros_like(t_s)
@@ -116,11 +116,9 @@ def test_dots_of_many_landings_lie_at_their_places(tmp_path):
 
 
 def test_no_landing_at_all_is_shown_as_such(tmp_path):
-    none = Touchdowns(np.array([np.nan]), np.full((1, 2), np.nan), np.array([False]))
-    plot_touchdowns(tmp_path / "scatter.png", none, RIG, "none", LOW_DPI)
+    never = Touchdown(np.nan, np.nan, np.nan, False)
+    plot_touchdowns(tmp_path / "scatter.png", [never], RIG, "none", LOW_DPI)
     assert picture(tmp_path / "scatter.png").std() > 2.0
-    with pytest.raises(ValueError, match=r"shapes \(1, 2\) and \(1,\) for 1 times"):
-        Touchdowns(np.zeros(1), np.zeros((2, 2)), np.array([False]))
 
 
 def test_a_landing_circle_is_round_from_above():

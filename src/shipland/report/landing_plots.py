@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.landing import Landing
@@ -33,24 +33,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True)
-class Touchdowns:
-    """Landings of a campaign.
+class Touchdown(NamedTuple):
+    """First contact of a flight, NaN where there was none: its time on the axis of the deck's motion, its place there.
 
-    Attributes:
-        t_s: (n,) first contact, on the time axis of the deck's motion (`Landing.instant_s`).
-        place_in_deck_m: (n, 2) forward, starboard; NaN where there was no contact.
-        landed: (n,) came to rest on its feet on the deck, in the landing area.
+    `landed`: the aircraft came to rest on its feet on the deck, in the landing area.
     """
 
-    t_s: Array
-    place_in_deck_m: Array
-    landed: npt.NDArray[np.bool_]
-
-    def __post_init__(self) -> None:
-        n, got = len(self.t_s), (np.shape(self.place_in_deck_m), np.shape(self.landed))
-        if got != ((n, 2), (n,)):
-            raise ValueError(f"Touchdowns wants shapes ({n}, 2) and ({n},) for {n} times, got {got[0]} and {got[1]}")
+    t_s: float
+    forward_m: float
+    starboard_m: float
+    landed: bool
 
 
 @dataclass(frozen=True)
@@ -73,25 +65,24 @@ _STILL = 1e-6
 """A coordinate that moves by less, in metres or degrees, is not drawn."""
 
 
-def touchdowns_of(landings: Sequence[Landing]) -> Touchdowns:
+def touchdowns_of(landings: Sequence[Landing]) -> list[Touchdown]:
     """Of some landings."""
-    return Touchdowns(
-        t_s=np.array([landing.instant_s if landing.touched else np.nan for landing in landings]),
-        place_in_deck_m=np.array([[landing.forward_m, landing.starboard_m] for landing in landings]).reshape(-1, 2),
-        landed=np.array([landing.success for landing in landings], dtype=bool),
-    )
+    return [
+        Touchdown(it.instant_s if it.touched else math.nan, it.forward_m, it.starboard_m, it.success) for it in landings
+    ]
 
 
-def plot_touchdowns(path: Path, touchdowns: Touchdowns, rig: Rig, title: str, dpi: int = DPI) -> None:
+def plot_touchdowns(path: Path, touchdowns: Sequence[Touchdown], rig: Rig, title: str, dpi: int = DPI) -> None:
     """Dots on deck and landing area, with median and largest distance; DataError when it cannot be written."""
     with drawn(path, (6.2, 6.6), dpi) as figure:
         figure.suptitle(title, fontsize=13, fontweight="bold")
         draw_touchdowns(figure.add_subplot(), touchdowns, rig, "")
 
 
-def draw_touchdowns(axes: Axes, touchdowns: Touchdowns, rig: Rig, title: str) -> None:
+def draw_touchdowns(axes: Axes, touchdowns: Sequence[Touchdown], rig: Rig, title: str) -> None:
     """Dots on deck and landing area, their number, median and largest distance below the title."""
-    place_m, landed = touchdowns.place_in_deck_m, touchdowns.landed
+    place_m = np.array([(it.forward_m, it.starboard_m) for it in touchdowns]).reshape(-1, 2)
+    landed = np.array([it.landed for it in touchdowns], dtype=bool)
     touched = np.isfinite(place_m).all(axis=1)
     draw_pad(axes, rig)
     for chosen, colour, marker, name in (
@@ -136,7 +127,7 @@ def plot_cells(cells: Sequence[CellResult]) -> Figure:
     return figure
 
 
-def plot_instants(path: Path, trace: DeckTrace, touchdowns: Touchdowns, title: str, dpi: int = DPI) -> None:
+def plot_instants(path: Path, trace: DeckTrace, touchdowns: Sequence[Touchdown], title: str, dpi: int = DPI) -> None:
     """The deck's moving coordinates over time with a dot at each touchdown; DataError when it cannot be written.
 
     [Lee2022, §Tracking Capability and Landing Accuracy] shows its landings in this way.
@@ -151,15 +142,14 @@ def plot_instants(path: Path, trace: DeckTrace, touchdowns: Touchdowns, title: s
             axes.set_title(name)
             axes.plot(trace.t_s, values, color="#777777", linewidth=1.0)
             side.hist(values, bins=12, density=True, orientation="horizontal", color="#c8c8c8")
-            for chosen, colour, marker in ((touchdowns.landed, GREEN, "o"), (~touchdowns.landed, VERMILION, "X")):
-                met = np.interp(touchdowns.t_s[chosen], trace.t_s, values)
-                label = f"{int(chosen.sum())} {'landed' if marker == 'o' else 'not'}"
-                if chosen.any():
+            for landed, colour, marker, name in ((True, GREEN, "o", "landed"), (False, VERMILION, "X", "not")):
+                t_s = [it.t_s for it in touchdowns if it.landed is landed]
+                if t_s:
                     axes.plot(
-                        touchdowns.t_s[chosen], met, color=unit(colour), marker=marker, linestyle="none",
-                        markersize=5.5, markeredgecolor="white", label=label,
+                        t_s, np.interp(t_s, trace.t_s, values), color=unit(colour), marker=marker, linestyle="none",
+                        markersize=5.5, markeredgecolor="white", label=f"{len(t_s)} {name}",
                     )  # fmt: skip
-            touched = np.interp(touchdowns.t_s[np.isfinite(touchdowns.t_s)], trace.t_s, values)
+            touched = np.interp([it.t_s for it in touchdowns if math.isfinite(it.t_s)], trace.t_s, values)
             if len(touched):
                 side.hist(touched, bins=12, density=True, orientation="horizontal", histtype="step", color=unit(GREEN))
             axes.set_xlim(float(trace.t_s[0]), float(trace.t_s[-1]))

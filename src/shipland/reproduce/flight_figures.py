@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from shipland.errors import DataError
 from shipland.figures import drawn
 from shipland.frames import Array
 from shipland.record.reader import FlightLog, read_log
-from shipland.report.landing_plots import Touchdowns, plot_touchdowns
+from shipland.report.landing_plots import Touchdown, plot_touchdowns
 from shipland.report.palette import GREY, MODE_COLOURS, MODE_NAMES, VERMILION, Rgb, unit
 from shipland.report.plots import (
     draw_forward,
@@ -59,7 +60,7 @@ def figures_of_flights(folder: Path, out: Path) -> list[Path]:
     paths = [out / name for name in ("trajectories.png", "commands.png", "landings.png")]
     plot_trajectories(paths[0], logs, title)
     plot_commands(paths[1], farthest)
-    plot_touchdowns(paths[2], touchdowns_of(logs), logs[0].header.rig, title, _DPI)
+    plot_touchdowns(paths[2], first_contacts(logs), logs[0].header.rig, title, _DPI)
     return paths
 
 
@@ -83,15 +84,13 @@ class Tracks:
         self.under_way = bool(np.linalg.norm(np.ptp(self.ship_m, axis=0)[:2]) > 1.0)
 
 
-def touchdowns_of(logs: Sequence[FlightLog]) -> Touchdowns:
-    """First contacts of flights; NaN where there was none."""
-    nowhere = (np.nan, np.nan)
+def first_contacts(logs: Iterable[FlightLog]) -> list[Touchdown]:
+    """One a flight."""
     verdicts = [log.verdict for log in logs]
-    return Touchdowns(
-        t_s=np.array([np.nan if it is None else it.t_s for it in verdicts]),
-        place_in_deck_m=np.array([nowhere if it is None else it.touchdown_in_deck_m for it in verdicts], dtype=float),
-        landed=np.array([it is not None and it.success for it in verdicts]),
-    )
+    return [
+        Touchdown(it.t_s, *it.touchdown_in_deck_m.tolist(), it.success) if it else Touchdown(nan, nan, nan, False)
+        for it in verdicts
+    ]
 
 
 def plot_trajectories(path: Path, logs: Sequence[FlightLog], title: str) -> None:
