@@ -47,7 +47,7 @@ def write_layout(path: Path) -> None:
 
 def _layout() -> dict[str, Any]:
     """Ship and aircraft, the picture with what was seen, modes, place, sticks, and the reasons."""
-    axes = (("forward", 0, _BLUE), ("starboard", 1, _ORANGE), ("down", 2, _GREEN))
+    axes = (("forward", 0, _BLUE), ("starboard", 1, _ORANGE), ("up", 2, _GREEN))
     place = [
         (f"{label} ({name})", f"derived_{name}_in_pad_m[{axis}]", colour)
         for name in ("estimate", "truth") for label, axis, colour in axes
