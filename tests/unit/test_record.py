@@ -151,10 +151,11 @@ def test_a_row_of_another_version_is_refused_by_the_column_it_lacks():
 
 def test_header_comes_back_with_rig_and_lens():
     camera = Camera(640, 480, np.array([[500.0, 0, 320], [0, 510, 240], [0, 0, 1]]), np.array([0.1, -0.2, 0, 0, 0.01]))
-    header = LogHeader(1, FlightInfo("sea trial", None, "paper", "0.1.0", "ab", 0.24), RIG, camera)
+    own_cue = dataclasses.replace(RIG, polygon=RIG.cue.polygon[:1], manufacturing_tolerance=0.01)
+    header = LogHeader(1, FlightInfo("sea trial", None, "paper", "0.1.0", "ab", 0.24, command="x"), own_cue, camera)
     back = from_row(LogHeader, json.loads(json.dumps(to_row(header))))
     assert back.info == header.info
-    assert back.rig == RIG
+    assert back.rig == own_cue
     assert np.array_equal(back.camera.distortion, camera.distortion)
 
 
@@ -301,6 +302,17 @@ def test_a_row_that_is_no_json_is_one_line(logged, rng):
             read_log(logged(good, bad, good))
     with pytest.raises(DataError, match=r"rows\.mcap: a row of FlightRecord"):
         read_log(logged(good, b"[]", good))
+
+
+@pytest.mark.parametrize(
+    ("vision", "std_rad"),
+    [({"gimbal_noise_rad": 0.01}, 0.01), *((it, 0.001) for it in ({}, 3, {"gimbal_noise_rad": "large"}))],
+)
+def test_the_attitude_in_a_log_is_as_exact_as_the_flight_took_it(landing_log, vision, std_rad):
+    log = read_log(landing_log)
+    info = dataclasses.replace(INFO, configuration=json.dumps({"vision": vision}))
+    again = dataclasses.replace(log, header=dataclasses.replace(log.header, info=info))
+    assert again.attitude(landing_log).std_rad == std_rad
 
 
 def test_a_log_of_another_format_says_so_whatever_its_header_lacks(logged):
@@ -521,14 +533,6 @@ def test_a_flight_without_modes_is_logged_and_read_back(tmp_path):
         assert back.decision.estimate.t_s == record.decision.estimate.t_s
     plot_flight(tmp_path / "plots.png", log, dpi=60)
     assert (tmp_path / "plots.png").stat().st_size > 10_000
-
-
-def test_an_own_cue_survives_the_header():
-    own = dataclasses.replace(RIG, polygon=RIG.cue.polygon[:1], manufacturing_tolerance=0.01)
-    header = LogHeader(1, FlightInfo("sea trial", 3, "paper", "0.1.0", "ab", 0.24, command="x"), own, CAMERA)
-    again = from_row(LogHeader, json.loads(json.dumps(to_row(header))))
-    assert again.rig == own
-    assert again.info == header.info
 
 
 @pytest.mark.parametrize("t_s", [-5.0, 1e12, 1e300])

@@ -112,7 +112,6 @@ class See(PictureOptions):
     def _attitudes(self, logs: Mapping[Path, FlightLog]) -> dict[Path, AttitudeTrack]:
         """Of each film whose camera's attitude is known."""
         from shipland.errors import DataError
-        from shipland.record.attitude import logged_attitude
         from shipland.record.reader import read_log
         from shipland.vision.attitude import placed, read_attitude
         from shipland.vision.pictures import is_film, is_log
@@ -122,7 +121,7 @@ class See(PictureOptions):
         own = {}
         for path, log in logs.items():
             with suppress(DataError):  # the log holds none
-                own[path] = placed(logged_attitude(log, path, body=body), 0.0, mount_rad)
+                own[path] = placed(log.attitude(path, body=body), 0.0, mount_rad)
         films = [path for path in self.paths if is_film(path) and path not in own]
         if self.attitude is None:
             return own
@@ -130,7 +129,7 @@ class See(PictureOptions):
             raise DataError(f"--attitude {self.attitude}: none of the paths is a film")
         std_rad = math.radians(self.attitude_std_deg)
         if is_log(self.attitude):
-            logged = replace(logged_attitude(read_log(self.attitude), self.attitude, body=body), std_rad=std_rad)
+            logged = replace(read_log(self.attitude).attitude(self.attitude, body=body), std_rad=std_rad)
             track = placed(logged, self.attitude_start_s, mount_rad)
         else:
             track = read_attitude(self.attitude, std_rad, self.attitude_start_s, mount_rad)

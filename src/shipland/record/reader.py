@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,8 +13,12 @@ from shipland.messages import FlightRecord, TouchdownVerdict
 from shipland.record.columns import FlightColumns
 from shipland.record.info import FORMAT_VERSION, LogHeader
 from shipland.rows import Row, from_row, to_row
+from shipland.vision.attitude import AttitudeTrack, Reading, no_attitude
+from shipland.vision.parameters import VisionParameters
 
 FLIGHT_TOPIC, HEADER_TOPIC, VERDICT_TOPIC = "/flight", "/header", "/verdict"
+_MOST_AGE_S = 0.5
+"""Largest age of a gimbal's reading that a picture is seen with."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +47,27 @@ class FlightLog:
     def columns(self) -> FlightColumns:
         """The flight as arrays."""
         return FlightColumns.from_records(self.records, self.header.rig)
+
+    def attitude(self, path: Path, *, body: bool = False) -> AttitudeTrack:
+        """The gimbal's attitude, or the body's, by the log's clock, as exact as the flight took it to be.
+
+        DataError, which names the file `path`, where the log holds none.
+        """
+        readings: list[Reading] = []
+        for record in self.records:
+            frame, telemetry = record.frame, record.telemetry
+            if not body and frame.gimbal_age_s <= _MOST_AGE_S:
+                readings.append((frame.t_s, frame.gimbal.roll_rad, frame.gimbal.pitch_rad))
+            elif body and telemetry.roll_rad is not None and telemetry.pitch_rad is not None:
+                t_s = telemetry.t_s if telemetry.attitude_t_s is None else telemetry.attitude_t_s
+                readings.append((t_s, telemetry.roll_rad, telemetry.pitch_rad))
+        if not readings:
+            raise no_attitude(path, body, (FLIGHT_TOPIC,))
+        try:
+            noise_rad = float(self.header.info.table()["vision"]["gimbal_noise_rad"])
+        except (KeyError, TypeError, ValueError):
+            noise_rad = VisionParameters().gimbal_noise_rad
+        return AttitudeTrack.of(readings, noise_rad if math.isfinite(noise_rad) else 0.0, str(path))
 
 
 def read_log(path: Path) -> FlightLog:
