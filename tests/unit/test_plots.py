@@ -101,7 +101,7 @@ def test_dots_of_many_landings_lie_at_their_places(tmp_path):
     trace = DeckTrace(t_s, np.column_stack(motion))
     assert [name for name, _ in trace.curves()] == ["roll [°]", "pitch [°]", "heave, up [m]"]
     assert trace.curves()[2][1] == pytest.approx(0.2 * np.sin(0.5 * t_s))
-    plot_instants(tmp_path / "instants.png", trace, touchdowns, "three", LOW_DPI)
+    plot_instants(tmp_path / "instants.png", trace, touchdowns, "three")
     assert picture(tmp_path / "instants.png").std() > 5.0
 
     def rightmost(name, colour):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,18 +27,18 @@ _FIGURES: dict[str, Callable[[TouchdownVerdict], float]] = {
     "tilt [°]": lambda it: math.degrees(it.tilt_rad),
     "first contact [s]": lambda it: it.t_s,
 }
-_COLOURS = (("as it was flown", BLUE), ("again", VERMILION))
+_NAMES = ("as it was flown", "again")
 
 
 def comparison(before: FlightLog, after: FlightLog) -> Iterator[str]:
     """A table of both, a line each, and where they part."""
-    yield f"{'':<22}{'as it was flown':>18}{'again':>18}"
     flights = (before, after)
+    yield _line("", _NAMES)
     yield _line("landed in the square", [_yes(log.verdict) for log in flights])
     for name, of in _FIGURES.items():
         yield _line(name, [_figure(log.verdict, of) for log in flights])
     yield _line("cycles", [f"{len(log.records)}" for log in flights])
-    for name, log in zip(("as it was flown", "again"), flights, strict=True):
+    for name, log in zip(_NAMES, flights, strict=True):
         yield f"{name}: {'no touchdown' if log.verdict is None else log.verdict.reason}"
     yield _parting(before.columns(), after.columns())
 
@@ -64,7 +64,7 @@ def plot_pair(path: Path, before: FlightLog, after: FlightLog) -> None:
         draw_pad(above, before.header.rig)
         above.set_title("over the deck, from above; touchdowns")
         spans_s = [float(log.columns().t_s[-1]) for log in (before, after) if log.records]
-        for log, (name, colour) in zip((before, after), _COLOURS, strict=True):
+        for log, name, colour in zip((before, after), _NAMES, (BLUE, VERMILION), strict=True):
             columns = log.columns()
             for axis, axes in enumerate(rows):
                 axes.plot(columns.t_s, columns.place_in_pad_m[:, axis], color=unit(colour), label=name)
@@ -79,7 +79,7 @@ def plot_pair(path: Path, before: FlightLog, after: FlightLog) -> None:
             axes.set_xlim(0.0, max(spans_s))
 
 
-def _line(name: str, values: list[str]) -> str:
+def _line(name: str, values: Sequence[str]) -> str:
     return f"{name:<22}" + "".join(f"{value:>18}" for value in values)
 
 

@@ -45,9 +45,8 @@ def benchmark_page(
     """The page, which will lie in a folder; all are compared with the first bundle's first pilot."""
     command = " ".join(["shipland report", *(bundle.path.name for bundle in bundles)])
     about = read_about(bundles[0].folder) | {"command": command}
-    page = campaign_page(cells, about, oracle_rates, folder)
-    tables = f"<h2>Entries</h2>{_entries(bundles)}<h2>All flights in pairs with the first</h2>{standings(cells)}"
-    return page.replace("<h2>Pilots</h2>", f"{tables}<h2>Pilots</h2>", 1)
+    tables = ["<h2>Entries</h2>", _entries(bundles), "<h2>All flights in pairs with the first</h2>", standings(cells)]
+    return campaign_page(cells, about, oracle_rates, folder, tables)
 
 
 def _entries(bundles: Sequence[Bundle]) -> str:

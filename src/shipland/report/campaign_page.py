@@ -104,9 +104,16 @@ _MOST_LISTED = 300
 
 
 def campaign_page(
-    cells: Sequence[CellResult], about: dict[str, Any], oracle_rates: dict[str, OracleRate], folder: Path
+    cells: Sequence[CellResult],
+    about: dict[str, Any],
+    oracle_rates: dict[str, OracleRate],
+    folder: Path,
+    first: Sequence[str] = (),
 ) -> str:
-    """The page, with `command` and `machine` of cells.json; links go from the folder where it will lie."""
+    """The page, with `command` and `machine` of cells.json; links go from the folder where it will lie.
+
+    `first` stands above all tables.
+    """
     cells = [cell for cell in cells if cell.landings]
     pilots = list(dict.fromkeys(cell.pilot for cell in cells))
     by_pilot = {pilot: [it for cell in cells if cell.pilot == pilot for it in cell.landings] for pilot in pilots}
@@ -125,6 +132,7 @@ def campaign_page(
         f"{'s' * (len(pilots) > 1)}. "
         f"<code>{html.escape(about['command'])}</code><br>{html.escape(machine['processor'])}, "
         f"{machine['cores']} cores, {html.escape(machine['platform'])}</p><p>{keys}</p>",
+        *first,
         "<h2>Pilots</h2>",
         _pilots(cells, pilots),
         f"<h2>Share in the {area}, cell by cell</h2>",

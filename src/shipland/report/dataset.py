@@ -72,7 +72,6 @@ class Described(NamedTuple):
     name: str
     licence: str
     url: str
-    version: str = "1.0.0"
 
 
 def licence_address(text: str) -> str:
@@ -176,7 +175,7 @@ def _card(
         "description": f"{flights} flights of a drone to a moving deck, by shipland: tables, logs, pictures.",
         "license": described.licence,
         "url": described.url,
-        "version": described.version,
+        "version": "1.0.0",
         "distribution": objects,
         "recordSet": [_record_set(name, columns) for name, columns in tables.items()],
     }

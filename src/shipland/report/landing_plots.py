@@ -127,13 +127,13 @@ def plot_cells(cells: Sequence[CellResult]) -> Figure:
     return figure
 
 
-def plot_instants(path: Path, trace: DeckTrace, touchdowns: Sequence[Touchdown], title: str, dpi: int = DPI) -> None:
+def plot_instants(path: Path, trace: DeckTrace, touchdowns: Sequence[Touchdown], title: str) -> None:
     """The deck's moving coordinates over time with a dot at each touchdown; DataError when it cannot be written.
 
     [Lee2022, §Tracking Capability and Landing Accuracy] shows its landings in this way.
     """
     curves = trace.curves()
-    with drawn(path, (10.4, 1.2 + 1.7 * max(len(curves), 1)), dpi) as figure:
+    with drawn(path, (10.4, 1.2 + 1.7 * max(len(curves), 1)), DPI) as figure:
         figure.suptitle(title, fontsize=13, fontweight="bold")
         grid = figure.add_gridspec(max(len(curves), 1), 2, width_ratios=[6, 1])
         for row, (name, values) in enumerate(curves):

@@ -107,21 +107,16 @@ class Recorder(AbstractContextManager["Recorder"]):
             self._attempt("log", partial(self._log.finish, verdict, end))
         if isinstance(video := self._outputs.get("video"), FlightVideo):
             self._attempt("video", partial(video.finish, verdict))
-        self._close()
         if not self._log_failed:  # they are made from the log
             self._attempt("summary", partial(self._write_summary, end))
             self._attempt("plots", self._write_plots)
         self._attempt("timing", partial(self._write_timing, cost_s or {}))
 
-    def _close(self) -> None:
-        for name, output in list(self._outputs.items()):
-            self._attempt(name, output.close)
-        self._outputs.clear()
-
     def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
         if not self._finished:
             self.finish(None, "broken off" if error is None else f"broken off: {str(error) or type(error).__name__}")
-        self._close()
+        for name, output in list(self._outputs.items()):
+            self._attempt(name, output.close)
 
     def _attempt(self, name: str, act: Callable[[], None]) -> None:
         started_s = time.perf_counter()

@@ -86,11 +86,14 @@ class Tracks:
 
 def first_contacts(logs: Iterable[FlightLog]) -> list[Touchdown]:
     """One a flight."""
-    verdicts = [log.verdict for log in logs]
-    return [
-        Touchdown(it.t_s, *it.touchdown_in_deck_m.tolist(), it.success) if it else Touchdown(nan, nan, nan, False)
-        for it in verdicts
-    ]
+    found = []
+    for verdict in (log.verdict for log in logs):
+        if verdict is None:
+            found.append(Touchdown(nan, nan, nan, False))
+        else:
+            forward_m, starboard_m = map(float, verdict.touchdown_in_deck_m)
+            found.append(Touchdown(verdict.t_s, forward_m, starboard_m, verdict.success))
+    return found
 
 
 def plot_trajectories(path: Path, logs: Sequence[FlightLog], title: str) -> None:
