@@ -4,6 +4,7 @@ import csv
 import json
 import sys
 import zipfile
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -181,6 +182,19 @@ def test_without_the_truth_a_picture_has_its_gimbal_alone(tmp_path):
     assert not [name for name in row if name.startswith(("camera_in", "corner"))]
 
 
+def test_cycles_of_telemetry_alone_repeat_an_exposure(tmp_path):
+    """As of a real vehicle whose pictures come late: two cycles of three."""
+    seen = list(flight(1, 33.0, 34.0, pictures=False))[:24]
+    flown = [replace(each, frame=replace(each.frame, t_s=seen[at - at % 3].frame.t_s)) for at, each in enumerate(seen)]
+    write_lerobot({"late": write_log(tmp_path / "late.mcap", flown)}, tmp_path / "set")
+    info, _, rows, _ = lerobot_of(tmp_path / "set")
+    assert info["fps"] == 10
+    assert len(rows["index"]) == 8
+    still = [replace(each, frame=seen[0].frame) for each in seen]
+    with pytest.raises(DataError, match="two pictures' times"):
+        write_lerobot({"still": write_log(tmp_path / "still.mcap", still)}, tmp_path / "other")
+
+
 def test_what_cannot_be_made_is_said(flights, tmp_path, monkeypatch):
     made_up_log(tmp_path / "blind" / "flight.mcap", rate_hz=0.0)
     with pytest.raises(DataError, match="no log keeps pictures"):
@@ -199,5 +213,5 @@ def test_what_cannot_be_made_is_said(flights, tmp_path, monkeypatch):
     logs = {"wide": flights / "1" / "flight.mcap", "narrow": made_up_log(tmp_path / "narrow.mcap", width_px=160)}
     with pytest.raises(DataError, match="of another size"):
         write_lerobot(logs, tmp_path / "other")
-    with pytest.raises(DataError, match="two cycles"):
+    with pytest.raises(DataError, match="two pictures' times"):
         write_lerobot({"short": made_up_log(tmp_path / "short.mcap", to_s=33.01)}, tmp_path / "other")

@@ -62,14 +62,14 @@ class _Flight:
 def write_lerobot(logs: Mapping[str, Path], root: Path) -> None:
     """Write logs, by their names, into a folder that must not be there yet.
 
-    DataError where it is, no log has two cycles, or pictures are of several sizes; SystemLibraryError without an extra.
+    DataError where it is, no log has two exposures, or pictures differ in size; SystemLibraryError without an extra.
     """
     require("dataset", "LeRobot's layout")
     if root.exists():
         raise DataError(f"{root} is there already: name another --out, or remove it")
-    flights = [flight for name, path in logs.items() if len((flight := _read(name, path)).t_s) > 1]
+    flights = [flight for name, path in logs.items() if len(set((flight := _read(name, path)).t_s)) > 1]
     if not flights:
-        raise DataError("LeRobot's layout wants a log with two cycles at least, and there is none")
+        raise DataError("LeRobot's layout wants a log with two pictures' times at least, and there is none")
     filmed = all(len(flight.pictured) > 1 for flight in flights)
     if filmed:
         require("film", "LeRobot's layout of flights with pictures")
@@ -78,6 +78,7 @@ def write_lerobot(logs: Mapping[str, Path], root: Path) -> None:
     taken = [np.array(it.pictured if filmed else range(len(it.t_s))) for it in flights]
     times_s = [flight.t_s[cycles] for flight, cycles in zip(flights, taken, strict=True)]
     steps_s = np.concatenate([np.diff(t_s) for t_s in times_s])
+    steps_s = steps_s[steps_s > 0.0]  # a cycle of telemetry alone repeats an exposure
     fps = max(1, round(1.0 / float(np.mean(steps_s[steps_s < 1.5 * np.median(steps_s)]))))
     tasks = sorted({flight.task for flight in flights})
     episodes: list[dict[str, Any]] = []
