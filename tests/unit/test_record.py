@@ -43,11 +43,6 @@ from shipland.vision.log_pictures import read_pictures
 
 FROM_S, TO_S = 31.0, 33.0
 """Of the made-up flight: hover, and from 31.5 s on the landing."""
-PARAMETERS = LogParameters(image_rate_hz=10.0, image_width_px=640, image_quality=85)
-
-
-def write(path, records, verdict=VERDICT, parameters=PARAMETERS, camera=CAMERA):
-    return write_log(path, records, verdict, parameters, camera=camera)
 
 
 def messages(path, topic):
@@ -63,7 +58,7 @@ def same(first, last):
 @pytest.fixture(scope="module")
 def landing_log(tmp_path_factory):
     """Two seconds of the made-up flight with pictures, as a log."""
-    return write(tmp_path_factory.mktemp("log") / "flight.mcap", flight(from_s=FROM_S, to_s=TO_S))
+    return write_log(tmp_path_factory.mktemp("log") / "flight.mcap", flight(from_s=FROM_S, to_s=TO_S))
 
 
 # Rows
@@ -177,15 +172,15 @@ def test_the_log_gives_back_the_flight(landing_log):
 
 
 def test_the_same_flight_gives_the_same_bytes(landing_log, tmp_path):
-    again = write(tmp_path / "again.mcap", flight(from_s=FROM_S, to_s=TO_S))
-    other = write(tmp_path / "other.mcap", flight(seed=8, from_s=FROM_S, to_s=TO_S))
+    again = write_log(tmp_path / "again.mcap", flight(from_s=FROM_S, to_s=TO_S))
+    other = write_log(tmp_path / "other.mcap", flight(seed=8, from_s=FROM_S, to_s=TO_S))
     assert again.read_bytes() == landing_log.read_bytes()
     assert other.read_bytes() != landing_log.read_bytes()
 
 
 def test_an_earlier_flight_is_written_over(tmp_path):
-    path = write(tmp_path / "flight.mcap", flight(from_s=20.0, to_s=21.0, pictures=False))
-    write(path, flight(from_s=20.0, to_s=20.2, pictures=False), verdict=None)
+    path = write_log(tmp_path / "flight.mcap", flight(from_s=20.0, to_s=21.0, pictures=False))
+    write_log(path, flight(from_s=20.0, to_s=20.2, pictures=False), verdict=None)
     log = read_log(path)
     assert len(log.records) == 6
     assert log.verdict is None
@@ -194,7 +189,7 @@ def test_an_earlier_flight_is_written_over(tmp_path):
 @pytest.mark.parametrize("kind", [KeyboardInterrupt, RuntimeError])
 def test_an_interrupted_flight_leaves_a_closed_log(kind, tmp_path):
     path = tmp_path / "deep" / "flight.mcap"
-    with pytest.raises(kind), LogWriter(path, INFO, RIG, CAMERA, PARAMETERS) as writer:
+    with pytest.raises(kind), LogWriter(path, INFO, RIG, CAMERA, LogParameters()) as writer:
         for count, record in enumerate(flight(from_s=20.0, to_s=30.0, pictures=False)):
             if count == 40:
                 raise kind
@@ -224,7 +219,7 @@ def test_a_killed_flight_leaves_what_was_on_the_disk(landing_log, tmp_path):
 
 def test_of_a_flight_that_is_killed_all_but_the_last_second_is_on_the_disk(tmp_path):
     path, seen = tmp_path / "flight.mcap", tmp_path / "seen.mcap"
-    with LogWriter(path, INFO, RIG, CAMERA, PARAMETERS) as writer:
+    with LogWriter(path, INFO, RIG, CAMERA, LogParameters()) as writer:
         for count, record in enumerate(flight(from_s=20.0, to_s=25.0, pictures=False)):
             writer.append(record)
             if count % 10 == 0:
@@ -236,7 +231,7 @@ def test_of_a_flight_that_is_killed_all_but_the_last_second_is_on_the_disk(tmp_p
 
 
 def test_the_log_says_why_the_flight_ended(tmp_path):
-    with LogWriter(tmp_path / "f.mcap", INFO, RIG, CAMERA, PARAMETERS) as writer:
+    with LogWriter(tmp_path / "f.mcap", INFO, RIG, CAMERA, LogParameters()) as writer:
         writer.append(next(flight(from_s=20.0, to_s=20.1, pictures=False)))
         writer.finish(None, "the pilot took over: LOITER")
     told = messages(tmp_path / "f.mcap", "/log")[-1]
@@ -254,12 +249,12 @@ def test_what_is_no_flight_log_is_said_in_words(tmp_path):
         read_log(tmp_path / "empty.mcap")
     (tmp_path / "file").write_text("")
     with pytest.raises(DataError, match="cannot be written"):
-        LogWriter(tmp_path / "file" / "flight.mcap", INFO, RIG, CAMERA, PARAMETERS)
+        LogWriter(tmp_path / "file" / "flight.mcap", INFO, RIG, CAMERA, LogParameters())
 
 
 @pytest.fixture(scope="module")
 def small_log(tmp_path_factory):
-    return write(tmp_path_factory.mktemp("small") / "flight.mcap", flight(from_s=33.8, to_s=33.84))
+    return write_log(tmp_path_factory.mktemp("small") / "flight.mcap", flight(from_s=33.8, to_s=33.84))
 
 
 @pytest.mark.parametrize("value", [2**40, 2**63])
@@ -360,7 +355,7 @@ def test_the_tree_of_frames_is_the_truth_under_a_z_up_root(landing_log):
 
 def test_without_truth_the_tree_shows_the_estimate_at_a_still_ship(tmp_path):
     records = list(flight(from_s=12.0, to_s=14.0, pictures=False, witnessed=False))
-    for message, record in zip(messages(write(tmp_path / "f.mcap", records), "/tf"), records, strict=True):
+    for message, record in zip(messages(write_log(tmp_path / "f.mcap", records), "/tf"), records, strict=True):
         poses = world_poses(message)
         estimate = record.decision.estimate
         assert ("body" in poses) == (estimate is not None)
@@ -393,24 +388,24 @@ def test_pictures_come_at_their_rate_and_fit_their_calibration_and_corners(landi
 
 
 def test_no_pictures_when_none_are_wanted_or_given(tmp_path):
-    none = dataclasses.replace(PARAMETERS, image_rate_hz=0.0)
-    path = write(tmp_path / "none.mcap", flight(from_s=33.0, to_s=33.3), parameters=none)
+    none = LogParameters(image_rate_hz=0.0)
+    path = write_log(tmp_path / "none.mcap", flight(from_s=33.0, to_s=33.3), parameters=none)
     assert messages(path, "/camera/image") == []
-    path = write(tmp_path / "blind.mcap", flight(from_s=33.0, to_s=33.3, pictures=False))
+    path = write_log(tmp_path / "blind.mcap", flight(from_s=33.0, to_s=33.3, pictures=False))
     assert messages(path, "/camera/image") == []
 
 
 def test_a_lens_with_distortion_is_calibrated_as_ros_names_it(tmp_path):
     for count, name, length in ((4, "plumb_bob", 5), (5, "plumb_bob", 5), (8, "rational_polynomial", 8)):
         camera = Camera(1280, 720, CAMERA.matrix, np.full(count, 0.01))
-        path = write(tmp_path / "f.mcap", [record_at(33.0, np.random.default_rng(1))], camera=camera)
+        path = write_log(tmp_path / "f.mcap", [record_at(33.0, np.random.default_rng(1))], camera=camera)
         (calibration,) = messages(path, "/camera/calibration")
         assert calibration.distortion_model == name
         assert len(calibration.D) == length
 
 
 def test_the_log_tells_each_change_of_mode_with_its_reason(tmp_path):
-    path = write(tmp_path / "f.mcap", flight(pictures=False))
+    path = write_log(tmp_path / "f.mcap", flight(pictures=False))
     told = [message.message for message in messages(path, "/log")]
     assert told[0] == "SEARCH: nothing seen yet"
     assert [line.split(":")[0] for line in told[:-1]] == [
@@ -526,7 +521,7 @@ def test_a_flight_without_modes_is_logged_and_read_back(tmp_path):
         dataclasses.replace(record, decision=dataclasses.replace(record.decision, mode=None))
         for record in flight(from_s=33.0, to_s=33.2, pictures=False)
     ]
-    log = read_log(write(tmp_path / "f.mcap", records))
+    log = read_log(write_log(tmp_path / "f.mcap", records))
     assert {record.decision.mode for record in log.records} == {None}
     assert [mode for _, _, mode in log.columns().mode_spans()] == [None]
     for record, back in zip(records, log.records, strict=True):

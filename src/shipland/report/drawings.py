@@ -30,7 +30,8 @@ class Drawings(AbstractContextManager["Drawings"]):
         self._first_s = 0.0
 
     def __exit__(self, *_: object) -> None:
-        self._close()
+        if self._video is not None:
+            self._video.close()
 
     def add(self, picture: FilePicture, drawn: Picture) -> None:
         """Write `drawn` under the name of `picture`, or name-2 and so on; DataError where that is the picture."""
@@ -38,17 +39,13 @@ class Drawings(AbstractContextManager["Drawings"]):
             height_px, width_px = (side // 2 * 2 for side in drawn.shape[:2])  # H.264 wants even sides
             if self._video is None or not picture.follows:
                 require("film", "a film with drawings")
-                self._close()
+                self.__exit__()
                 place, self._first_s = self._place(picture.source, ".mp4"), picture.t_s
                 self._video = VideoWriter(place, width_px, height_px, _FILM)
             self._video.write(np.ascontiguousarray(drawn[:height_px, :width_px]), picture.t_s - self._first_s)
         else:
             place = self._place(picture.source, ".jpg")
             place.write_bytes(cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes())
-
-    def _close(self) -> None:
-        if self._video is not None:
-            self._video.close()
 
     def _place(self, source: Path, suffix: str) -> Path:
         self._out.mkdir(parents=True, exist_ok=True)

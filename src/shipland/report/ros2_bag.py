@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,28 +21,24 @@ _NO_PICTURE = (2**63, None)
 """After a log's last picture."""
 
 
-class _Topic:
-    """One topic of a bag; what is sent is written at the bag's time."""
-
-    def __init__(self, bag: _Bag, connection: Any) -> None:  # noqa: ANN401
-        self._bag, self._connection = bag, connection
-
-    def send(self, sent: Any, /) -> None:  # noqa: ANN401
-        self._bag.writer.write(self._connection, self._bag.time_ns, cdr_of(sent))
-
-
+@dataclass
 class _Bag:
-    """`Outlets` into rosbags' writer."""
+    """`Outlets` into rosbags' writer; what is sent is written at `time_ns`."""
 
-    def __init__(self, writer: Any) -> None:  # noqa: ANN401
-        self.writer = writer
-        self.time_ns = 0
-        self._topics: dict[str, _Topic] = {}
+    writer: Any
+    time_ns: int = 0
 
     def publisher(self, topic: str, kind: str, *, latched: bool = False) -> Outlet:  # noqa: ARG002
-        if topic not in self._topics:
-            self._topics[topic] = _Topic(self, self.writer.add_connection(f"/{topic}", kind, typestore=store()))
-        return self._topics[topic]
+        return _Topic(self, self.writer.add_connection(f"/{topic}", kind, typestore=store()))
+
+
+@dataclass
+class _Topic:
+    bag: _Bag
+    connection: Any
+
+    def send(self, sent: Any, /) -> None:  # noqa: ANN401
+        self.bag.writer.write(self.connection, self.bag.time_ns, cdr_of(sent))
 
 
 def write_bag(log_path: Path, folder: Path, namespace: str = "drone") -> dict[str, int]:
