@@ -427,20 +427,11 @@ GUARDS = {
     "aircraft.settings": "command_timeout_s",
 }
 OF_VEHICLES = [each for section, cls in GUARDS["vehicles"].items() for each in floats(defaults(cls), section)]
+OTHERS = (LogParameters, VideoParameters, TrainParameters, SynthParameters, EvaluateParameters)
 OF_SCENARIOS = [(section, key) for section, keys in GUARDS.items() if section != "vehicles" for key in keys.split()]
 
 
-@pytest.mark.parametrize(
-    "cls",
-    [
-        *GUARDS["vehicles"].values(),
-        LogParameters,
-        VideoParameters,
-        TrainParameters,
-        SynthParameters,
-        EvaluateParameters,
-    ],
-)
+@pytest.mark.parametrize("cls", [*GUARDS["vehicles"].values(), *OTHERS])
 def test_every_default_is_a_value_that_its_field_takes(cls):
     assert build(cls, {}) == cls()
 
