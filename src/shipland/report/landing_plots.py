@@ -143,7 +143,7 @@ def plot_instants(path: Path, trace: DeckTrace, touchdowns: Sequence[Touchdown],
             axes.plot(trace.t_s, values, color="#777777", linewidth=1.0)
             side.hist(values, bins=12, density=True, orientation="horizontal", color="#c8c8c8")
             for landed, colour, marker, name in ((True, GREEN, "o", "landed"), (False, VERMILION, "X", "not")):
-                t_s = [it.t_s for it in touchdowns if it.landed is landed]
+                t_s = [it.t_s for it in touchdowns if it.landed == landed]
                 if t_s:
                     axes.plot(
                         t_s, np.interp(t_s, trace.t_s, values), color=unit(colour), marker=marker, linestyle="none",
