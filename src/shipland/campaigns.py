@@ -350,12 +350,11 @@ def _fly(
         with closing(opened.fly(executor)) as landings:
             for _, landing in landings:
                 flown, success = flown + 1, success + landing.success
-                if callable(progress):
-                    progress(now())
-                yield _underway(now()) if progress is True else ""
+                tell(now())
+                yield _underway(now())
 
-    if callable(progress):
-        progress(now())
+    tell = progress if callable(progress) else lambda _: None
+    tell(now())
     if progress is True:
         print(_begun(now()), file=sys.stderr, flush=True)
     with closing(told()) as one_by_one:
