@@ -88,6 +88,7 @@ def write_bundle(folder: Path, out: Path, title: str, logs: int, salt: Path | No
     The seeds were derived from the salt; without one they are 1, 2, 3 … DataError where there is no whole campaign of
     one code.
     """
+    _check_title(out, title)
     cells = read_cells([folder])
     for cell in cells:
         if not cell.landings:
@@ -122,6 +123,11 @@ def write_bundle(folder: Path, out: Path, title: str, logs: int, salt: Path | No
             # of no date: the same rows, the same zip
             packed.writestr(zipfile.ZipInfo(name), data, zipfile.ZIP_DEFLATED)
     return about
+
+
+def _check_title(path: Path, title: str) -> None:
+    if not title.isprintable() or "|" in title:
+        raise DataError(f"{path}: the title holds what cannot be printed, or a |")
 
 
 def _code_file(name: str) -> Path:
@@ -197,8 +203,7 @@ def _unpacked(path: Path, folder: Path) -> dict[str, Any]:
             target.write_bytes(data)
         for word in ("title", "suite", "runs", "salt", "summary", "own_code", *_BOUND):
             about[word]
-        if not str(about["title"]).isprintable() or "|" in about["title"]:
-            raise DataError(f"{path}: the title holds what cannot be printed, or a |")
+        _check_title(path, str(about["title"]))
         return dict(about)
 
 
