@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,7 +17,6 @@ import numpy.typing as npt
 from shipland import factories
 from shipland.api import checked_seed
 from shipland.compiled import say_that_it_compiles
-from shipland.config import setting
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation.campaign import (
     CampaignPlan,
@@ -37,11 +36,9 @@ from shipland.evaluation.leaderboard import (
     leaderboard,
     oracle_rates_of,
     pairings_table,
-    pairs,
     pilot_pairings,
     rivals,
 )
-from shipland.evaluation.progress import CampaignProgress, begun, ended, underway
 from shipland.evaluation.suite import Overrides, Suite, SuiteEntry, cells_of, load_suite, sealed_seeds
 from shipland.evaluation.tables import summary_of
 from shipland.evaluation.tally import Tally
@@ -56,6 +53,32 @@ if TYPE_CHECKING:
 
 __all__ = ["Campaign", "CampaignProgress", "Comparison", "campaign", "load_suite"]
 
+_MOST_LOST = 10
+"""Lost flights that are named."""
+
+
+@dataclass(frozen=True)
+class CampaignProgress:
+    """How far a campaign is; comes before the first flight and after each.
+
+    Attributes:
+        cells: lines of its table.
+        flights: all of them, with those flown earlier.
+        to_fly: flights that were missing at the start.
+        flown: of these.
+        success: of those flown, landed in the landing area.
+        lost: flights without a landing, and why.
+        area: what the landing area is called.
+    """
+
+    cells: int
+    flights: int
+    to_fly: int
+    flown: int
+    success: int
+    lost: Sequence[LostFlight]
+    area: str
+
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
@@ -68,7 +91,7 @@ class Comparison:
     pairings: Pairings
 
     def __repr__(self) -> str:
-        return "\n".join(pairings_table(self.pairings))
+        return pairings_table(self.pairings)
 
     def _repr_markdown_(self) -> str:
         return repr(self)
@@ -144,8 +167,8 @@ class Campaign:
         rates = oracle_rates_of(self.cells, oracle_motions, kept) if oracle_motions else {}
         parts = [leaderboard(self.cells, rates), rivals(self.cells)]
         if len({cell.pilot for cell in self.cells}) > 1:
-            parts.append(pairs(self.cells))
-        return "\n\n".join("\n".join(lines) for lines in parts)
+            parts.append(pairings_table(pilot_pairings(self.cells)))
+        return "\n\n".join(parts)
 
     def plot(self) -> Figure:
         """Where they touched, pilot by pilot, and each cell's share in the landing area with its 95 % interval."""
@@ -240,14 +263,6 @@ def campaign(
         words, entries = "", (SuiteEntry(sources, (), vision),)
     if not pilots or not any(entry.scenarios for entry in entries):
         raise ConfigError("nothing to fly: a campaign wants one scenario and one pilot, or more")
-    keys = [setting(text)[0] for text in changes]
-    for key in keys:
-        if keys.count(key) > 1:
-            raise ConfigError(f"{key} is set {keys.count(key)} times; its values stand in one text, as {key}=A,B")
-    for each in pilots:
-        factories.resolve("pilots", each)
-    for entry in entries:
-        factories.resolve("visions", entry.vision)
     laid_over = None if config is None else Path(config)
     cells = cells_of(entries, Overrides(pilots, changes, laid_over, _several(only)))
     folder = None if out is None else Path(out)
@@ -335,14 +350,13 @@ def _fly(
         with closing(opened.fly(executor)) as landings:
             for _, landing in landings:
                 flown, success = flown + 1, success + landing.success
-                if callable(progress):
-                    progress(now())
-                yield underway(now()) if progress is True else ""
+                tell(now())
+                yield _underway(now())
 
-    if callable(progress):
-        progress(now())
+    tell = progress if callable(progress) else lambda _: None
+    tell(now())
     if progress is True:
-        print(begun(now()), file=sys.stderr, flush=True)
+        print(_begun(now()), file=sys.stderr, flush=True)
     with closing(told()) as one_by_one:
         try:
             for _ in followed(one_by_one, "flights", left) if progress is True else one_by_one:
@@ -350,8 +364,30 @@ def _fly(
                     break
         finally:
             if progress is True:
-                print(*ended(now(), time.monotonic() - begun_s, plan.out is not None), sep="\n", file=sys.stderr)
+                print(*_ended(now(), time.monotonic() - begun_s, plan.out is not None), sep="\n", file=sys.stderr)
     return flown
+
+
+def _begun(now: CampaignProgress) -> str:
+    """What there is to fly."""
+    return f"{now.cells} cell{'s' * (now.cells > 1)}, {now.to_fly} of {now.flights} flights to fly"
+
+
+def _underway(now: CampaignProgress) -> str:
+    """How many landed so far."""
+    interval = Tally(now.flown, now.success).interval_text(0)
+    return f"{now.success} of {now.flown} landed in the {now.area} ({interval})"
+
+
+def _ended(now: CampaignProgress, spent_s: float, resumes: bool) -> Iterator[str]:
+    """How many were flown, and the flights that were lost, a line each."""
+    again = "; run it again to resume" if resumes and now.flown < now.to_fly else ""
+    rate = f"{60.0 * now.flown / spent_s:.0f} a minute"
+    yield f"{now.flown} of {now.to_fly} flown in {spent_s:.0f} s ({rate}){again}"
+    for cell, seed, reason in now.lost[:_MOST_LOST]:
+        yield f"lost: {cell}, seed {seed}: {reason}"
+    if len(now.lost) > _MOST_LOST:
+        yield f"lost: {len(now.lost) - _MOST_LOST} more"
 
 
 def _write(found: Campaign, plan: CampaignPlan, folder: Path, oracle_motions: int) -> None:

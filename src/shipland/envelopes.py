@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from shipland import factories
-from shipland.campaigns import fly_plan
+from shipland.api import checked_seed
+from shipland.campaigns import CampaignProgress, fly_plan
 from shipland.errors import ConfigError
 from shipland.evaluation.campaign import CampaignPlan, CellResult
 from shipland.evaluation.envelope import (
@@ -26,7 +27,6 @@ from shipland.evaluation.envelope import (
     under_way,
 )
 from shipland.evaluation.landing import Landing
-from shipland.evaluation.progress import CampaignProgress
 from shipland.evaluation.suite import Cell, Overrides, SuiteEntry, cells_of
 from shipland.evaluation.tally import Tally
 
@@ -84,71 +84,61 @@ def fly_envelopes(
     Raises:
         ConfigError, DataError: as of `campaign`.
     """
-    begun_s, number = time.monotonic(), 0
-    flown = {(base.name, place): cell_at(base, *place) for base in bases for place in _places(grid)}
-    counts = dict.fromkeys(flown, grid.runs)
+    first_seed, begun_s, number = checked_seed(first_seed), time.monotonic(), 0
+    places = [(wind_kn, float(direction)) for direction in grid.directions_deg for wind_kn in grid.winds_kn]
+    cells = {base.name: {place: cell_at(base, *place) for place in places} for base in bases}
+    planned = [cell for of_base in cells.values() for cell in of_base.values()]
+    counts = {cell.name: grid.runs for cell in planned}
     while True:
         number += 1
         seeds = range(first_seed, first_seed + max(counts.values()))
-        by_name = {flown[key].name: count for key, count in counts.items()}
-        plan = CampaignPlan(list(flown.values()), seeds, out, command=command, counts=by_name)
+        plan = CampaignPlan(planned, seeds, out, command=command, counts=counts)
         if progress is True and workers != 0:
-            print(f"round {number}: {len(flown)} cells, {sum(counts.values())} flights", file=sys.stderr)
+            print(f"round {number}: {len(planned)} cells, {sum(counts.values())} flights", file=sys.stderr)
         left_s = max(1e-3, time_limit_s - (time.monotonic() - begun_s)) if time_limit_s else 0.0
         found = fly_plan(plan, workers, cluster, left_s, progress)
-        results = {cell.name: cell for cell in found.cells}
-        landings = {key: _first(results[cell.name], seeds[: counts[key]]) for key, cell in flown.items()}
-        wanted = {} if found.left else _wanted(grid, landings)
-        if not wanted:
-            envelopes = [_envelope(base, grid, landings) for base in bases if _begun(base, landings)]
-            return Envelopes(tuple(envelopes), found.cells, found.left)
-        by_base = {base.name: base for base in bases}
-        flown |= {(name, place): cell_at(by_base[name], *place) for name, place in wanted}
-        counts |= wanted
+        # a folder may hold flights of later rounds
+        counted = {
+            it.name: [each for each in it.landings if each.seed in seeds[: counts[it.name]]] for it in found.cells
+        }
+        flown = {name: {place: counted[cell.name] for place, cell in cells[name].items()} for name in cells}
+        wanted = [
+            (base, (wind_kn, direction), count)
+            for base in bases
+            for direction, ray in _rays(flown[base.name]).items()
+            for wind_kn, count in next_counts(grid, ray).items()
+        ]
+        if found.left or not wanted:
+            begun = [base for base in bases if all(flown[base.name].values())]
+            envelopes = tuple(_envelope(base, grid, flown[base.name]) for base in begun)
+            return Envelopes(envelopes, found.cells, found.left)
+        for base, place, count in wanted:
+            if place not in cells[base.name]:
+                cells[base.name][place] = cell_at(base, *place)
+                planned.append(cells[base.name][place])
+            counts[cells[base.name][place].name] = count
 
 
-def _places(grid: EnvelopeGrid) -> list[Place]:
-    return [(wind_kn, float(direction)) for direction in grid.directions_deg for wind_kn in grid.winds_kn]
+_Flown = Mapping[Place, Sequence[Landing]]
+"""The landings of one envelope."""
 
 
-def _first(cell: CellResult, seeds: Sequence[int]) -> list[Landing]:
-    """Without what a folder holds of later rounds."""
-    return [landing for landing in cell.landings if landing.seed in seeds]
-
-
-_Landings = Mapping[tuple[str, Place], Sequence[Landing]]
-
-
-def _rays(name: str, landings: _Landings) -> dict[float, dict[float, Tally]]:
-    """Of one envelope, by direction and speed; cells without a flight are left out."""
+def _rays(flown: _Flown) -> dict[float, dict[float, Tally]]:
+    """By direction and speed; cells without a flight are left out."""
     rays: dict[float, dict[float, Tally]] = {}
-    for (of, (wind_kn, direction)), flown in landings.items():
-        if of == name and flown:
-            rays.setdefault(direction, {})[wind_kn] = Tally.of(flown)
+    for (wind_kn, direction), landings in flown.items():
+        if landings:
+            rays.setdefault(direction, {})[wind_kn] = Tally.of(landings)
     return rays
 
 
-def _wanted(grid: EnvelopeGrid, landings: _Landings) -> dict[tuple[str, Place], int]:
-    return {
-        (name, (wind_kn, direction)): count
-        for name in dict.fromkeys(name for name, _ in landings)
-        for direction, ray in _rays(name, landings).items()
-        for wind_kn, count in next_counts(grid, ray).items()
-    }
-
-
-def _begun(base: Cell, landings: _Landings) -> bool:
-    return all(flown for (name, _), flown in landings.items() if name == base.name)
-
-
-def _envelope(base: Cell, grid: EnvelopeGrid, landings: _Landings) -> Envelope:
+def _envelope(base: Cell, grid: EnvelopeGrid, flown: _Flown) -> Envelope:
     under_way_mps, rows = ship_mps(base.scenario), []
-    for (name, (wind_kn, direction)), flown in sorted(landings.items(), key=lambda item: item[0][1][::-1]):
-        if name == base.name:
-            speed_mps, from_deg = true_wind(wind_kn, direction, under_way_mps)
-            place = {"off_bow_deg": direction, "wind_kn": wind_kn}
-            place |= {"true_wind_mps": round(speed_mps, 2), "true_wind_off_bow_deg": round(from_deg, 1)}
-            rows.append(place | figures(base.scenario, flown, grid.rate))
-    borders = {direction: border_kn(grid.rate, ray) for direction, ray in _rays(base.name, landings).items()}
+    for (wind_kn, direction), landings in sorted(flown.items(), key=lambda item: item[0][::-1]):
+        speed_mps, from_deg = true_wind(wind_kn, direction, under_way_mps)
+        place = {"off_bow_deg": direction, "wind_kn": wind_kn}
+        place |= {"true_wind_mps": round(speed_mps, 2), "true_wind_off_bow_deg": round(from_deg, 1)}
+        rows.append(place | figures(base.scenario, landings, grid.rate))
+    borders = {direction: border_kn(grid.rate, ray) for direction, ray in _rays(flown).items()}
     pilot, deck = factories.name_of(base.pilot), deck_statistics(base.scenario)
     return Envelope(base.name, base.scenario, pilot, under_way_mps, grid.rate, tuple(rows), borders, deck)

@@ -99,7 +99,8 @@ def _cached_parts(cls: Any, prefix: str) -> tuple[_Part, ...]:  # noqa: ANN401
         if typing.get_origin(hint) in (typing.Union, types.UnionType):
             choices = [choice for choice in typing.get_args(hint) if choice is not type(None)]
             hint, optional = choices[0], True
-        hint = _resolved(hint)
+        if typing.get_origin(hint) is typing.Literal:  # a choice of words is a text
+            hint = str
         column = f"{prefix}{field.name}"
         if _is_picture(hint):
             hint = _PICTURE
@@ -107,11 +108,6 @@ def _cached_parts(cls: Any, prefix: str) -> tuple[_Part, ...]:  # noqa: ANN401
         has_default = (field.default, field.default_factory) != (dataclasses.MISSING, dataclasses.MISSING)
         parts.append(_Part(column, field.name, hint, optional, meanings.get(field.name, ""), has_default, children))
     return tuple(parts)
-
-
-def _resolved(hint: Any) -> Any:  # noqa: ANN401 - annotations of any form
-    """A choice of words is a text."""
-    return str if typing.get_origin(hint) is typing.Literal else hint
 
 
 def _is_picture(hint: Any) -> bool:  # noqa: ANN401 - annotations of any form
@@ -166,7 +162,9 @@ def _read(row: Row, part: _Part) -> Any:  # noqa: ANN401
     if value is None and part.optional:
         return None
     if isinstance(part.kind, type) and issubclass(part.kind, enum.Enum):
-        return part.kind[todays(value)]
+        if (name := todays(value)) not in part.kind.__members__:
+            raise ValueError(f"{part.column} is {value!r}, expected one of {', '.join(part.kind.__members__)}")
+        return part.kind[name]
     item = _item(part)
     if item is not None:
         return tuple(build(item, each, part.column) for each in json_of(value))

@@ -149,6 +149,12 @@ def test_a_true_bundle_is_verified_and_the_same_rows_make_the_same_zip(bundle, t
         assert "rig-natops_paper/flights/2.mcap" in packed.namelist()
 
 
+def test_a_title_that_no_table_can_show_leaves_no_bundle(true_bundle, tmp_path):
+    with pytest.raises(DataError, match="the title holds what cannot be printed"):
+        write_bundle(true_bundle / "flown", tmp_path / "mine.zip", "one | two", 1, None)
+    assert not (tmp_path / "mine.zip").exists()
+
+
 FORGERIES = {
     "a file changed": (with_row(2, reason="landed"), False, "landings.csv is not the file that was submitted"),
     "a summary brushed up": (

@@ -88,6 +88,8 @@ def test_a_ship_goes_as_fast_as_it_is_told_and_its_motions_with_it():
 def test_what_the_grid_sets_cannot_be_set_and_a_turning_ship_has_no_wind_over_deck():
     with pytest.raises(ConfigError, match=r"wind\.mean_mps"):
         bases_of(SuiteEntry(("near",)), Overrides(("paper",), ("wind.mean_mps=3",)))
+    with pytest.raises(ConfigError, match=r"ship\.sea\.sea_state is set 2 times"):
+        bases_of(SuiteEntry(("near",)), Overrides(("paper",), ("ship.sea.sea_state=4", "ship.sea.sea_state=5")))
     with pytest.raises(ConfigError, match="steady course"):
         base(ship={"course": {"kind": "s"}})
 

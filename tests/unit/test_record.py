@@ -142,6 +142,9 @@ def test_a_row_of_another_version_is_refused_by_the_column_it_lacks():
         from_row(TouchdownVerdict, row)
     with pytest.raises(DataError, match="landed is 'yes', expected bool"):
         from_row(TouchdownVerdict, to_row(VERDICT) | {"landed": "yes"})
+    decision = Decision(PilotCommand(0.0, 1.0, 2.0, 3.0, 4.0, 0.0, Intent.GO_AROUND), Mode.LAND, "")
+    with pytest.raises(DataError, match="mode is 'SWIM', expected one of SEARCH"):
+        from_row(Decision, to_row(decision) | {"mode": "SWIM"})
 
 
 def test_header_comes_back_with_rig_and_lens():

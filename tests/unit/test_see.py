@@ -431,6 +431,7 @@ def test_what_cannot_be_looked_at_does_not_end_the_rest(tmp_path, bar_image, cap
     assert options.run() == 1
     out, err = capsys.readouterr()
     assert [json.loads(line)["file"] for line in out.splitlines()] == [str(good)]
+    assert "camera: 1280 × 720 px" in err
     assert "torn.png is not a whole picture" in err
     assert "tall.png is 600 × 720 px" in err
     assert "found in" not in err  # of one picture its own line says it

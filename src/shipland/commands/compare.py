@@ -36,7 +36,7 @@ class Compare:
         from shipland.evaluation.tables import comparison
 
         if all(cells_file(folder).exists() for folder in (self.first, self.second)):
-            print("\n".join(pairings_table(campaign_pairings(read_cells([self.first]), read_cells([self.second])))))
+            print(pairings_table(campaign_pairings(read_cells([self.first]), read_cells([self.second]))))
             return 0
         first, second = read_campaign(self.first), read_campaign(self.second)
         print(comparison(first, second, (str(self.first), str(self.second))))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from shipland.commands.options import CampaignOptions, checked_seed, command_line, names_of
+from shipland.commands.options import CampaignOptions, command_line, names_of
 from shipland.errors import ConfigError, DataError
 from shipland.extras import installed
 
@@ -90,7 +90,7 @@ class Envelope(CampaignOptions):
         return fly_envelopes(
             bases_of(entry, asked, _numbers("ship-kn", self.ship_kn) if self.ship_kn else ()),
             grid,
-            first_seed=checked_seed(self.first_seed),
+            first_seed=self.first_seed,
             workers=workers,
             cluster=self.cluster,
             out=self.out,

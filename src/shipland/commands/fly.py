@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shipland.commands.options import ScenarioOptions, checked_seed, command_line
+from shipland.commands.options import ScenarioOptions, command_line
 from shipland.errors import ConfigError, DataError
 from shipland.extras import installed
 
@@ -81,7 +81,7 @@ class Fly(ScenarioOptions):
         from shipland.scenario.autonomy import response_of
         from shipland.scenario.real_vehicle import Keys, identified
 
-        self._refuse_what_has_no_effect()
+        self._refuse_wrong_options()
         scenario, vehicle = self.load(), None
         response = None
         if self.vehicle is None and self.vehicle_config is not None:
@@ -111,7 +111,7 @@ class Fly(ScenarioOptions):
                 scenario,
                 pilot=self.pilot,
                 vision=self.vision,
-                seed=checked_seed(self.seed),
+                seed=self.seed,
                 out=self.out,
                 video=self.video,
                 on_cycle=on_cycle,
@@ -129,8 +129,13 @@ class Fly(ScenarioOptions):
             raise DataError(f"the flight is not on record as asked: {'; '.join(flight.problems)}")
         return 0 if flight.success else 1
 
-    def _refuse_what_has_no_effect(self) -> None:
-        """ConfigError for an option of vehicles in a simulated flight, and for a wind that is none."""
+    def _refuse_wrong_options(self) -> None:
+        """ConfigError for an option of vehicles in a simulated flight, and for a seed, vision or wind that is none."""
+        from shipland.api import checked_seed
+        from shipland.factories import resolve
+
+        checked_seed(self.seed)
+        resolve("visions", self.vision)
         if self.wind_mps is not None and not (math.isfinite(self.wind_mps) and self.wind_mps >= 0.0):
             raise ConfigError(f"--wind-mps must be 0 or more, got {self.wind_mps:g}")
         if self.vehicle is not None:
@@ -150,7 +155,7 @@ class Fly(ScenarioOptions):
         from shipland.scenario.fly import flight_info
 
         camera = Camera.from_parameters(scenario.camera) if vehicle is None else vehicle.camera
-        info = flight_info(scenario, self.pilot, self.vision, checked_seed(self.seed), command_line())
+        info = flight_info(scenario, self.pilot, self.vision, self.seed, command_line())
         try:
             live = stack.enter_context(LiveView(info, scenario.rig, camera, self.live_port))
             self.out.mkdir(parents=True, exist_ok=True)
@@ -185,9 +190,7 @@ class Fly(ScenarioOptions):
         terminal.say("rehearsing in the simulator")
         # a pilot's first run compiles and imports for seconds, in which a vehicle in the air would get no command
         with stop_requests():
-            rehearsed = fly_quietly(
-                scenario, self.pilot, "geometric", checked_seed(self.seed), on_cycle=lambda _: check_stop()
-            )
+            rehearsed = fly_quietly(scenario, self.pilot, "geometric", self.seed, on_cycle=lambda _: check_stop())
         terminal.say(f"connecting to {address}")
         vehicle.connect()
         try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from shipland.commands.options import ScenarioOptions, checked_seed
+from shipland.commands.options import ScenarioOptions
 from shipland.extras import require
 
 
@@ -36,6 +36,7 @@ class Motion(ScenarioOptions):
         """Make them."""
         from rich.console import Console
 
+        from shipland.api import checked_seed
         from shipland.report.motion import Sampling, report_case, report_headings
 
         require("plots", "`shipland motion`")

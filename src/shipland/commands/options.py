@@ -101,13 +101,6 @@ def command_line() -> str:
     return shlex.join(["shipland", *sys.argv[1:]])
 
 
-def checked_seed(seed: int) -> int:
-    """The seed; ConfigError when it is negative."""
-    if seed < 0:
-        raise ConfigError(f"a seed must be 0 or more, got {seed}")
-    return seed
-
-
 def names_of(option: str, text: str) -> tuple[str, ...]:
     """Names with commas between; ConfigError names the option when one is empty or comes twice."""
     names = tuple(text.split(","))

@@ -6,7 +6,7 @@ import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from shipland.commands.options import ScenarioOptions, checked_seed
+from shipland.commands.options import ScenarioOptions
 
 if TYPE_CHECKING:
     from shipland.messages import TouchdownVerdict
@@ -49,6 +49,8 @@ class ServePhysics(ScenarioOptions):
 
     def run(self) -> int:
         """Serve until the flight is over; Ctrl-C ends it before."""
+        from shipland.api import checked_seed
+
         scenario, seed = self.load(), checked_seed(self.seed)
         verdict = self._over_ros2(scenario, seed) if self.interface == "ros2" else self._over_link(scenario, seed)
         print("no touchdown" if verdict is None else verdict.reason)

@@ -53,7 +53,6 @@ class Bundle:
     Attributes:
         path, about, folder: the zip, its bundle.json, and where it is unpacked.
         cells: as `read_cells` gives them.
-        keys: campaign.json of each cell.
         seeds_checked: they are 1, 2, 3 … or those of the salt; False where the salt was not given.
         notes: what could not be checked, in words.
         groups: of each cell its suite's name for what was flown; its own without a suite.
@@ -63,7 +62,6 @@ class Bundle:
     about: Mapping[str, Any]
     folder: Path
     cells: tuple[CellResult, ...]
-    keys: Mapping[str, Mapping[str, Any]]
     seeds_checked: bool = True
     notes: list[str] = field(default_factory=list)
     groups: dict[str, str] = field(default_factory=dict)
@@ -90,13 +88,14 @@ def write_bundle(folder: Path, out: Path, title: str, logs: int, salt: Path | No
     The seeds were derived from the salt; without one they are 1, 2, 3 … DataError where there is no whole campaign of
     one code.
     """
+    _check_title(out, title)
     cells = read_cells([folder])
     for cell in cells:
         if not cell.landings:
             raise DataError(f"{cell.name} has no flights yet; run the campaign again to resume")
-    keys = [json_of(read_text(folder / cell.name / "campaign.json")) for cell in cells]
+    key = cells[0].key
     for word in _BOUND:
-        if any(key[word] != keys[0][word] for key in keys):
+        if any(cell.key[word] != key[word] for cell in cells):
             raise DataError(f"{folder}: its cells were flown with different {word}; fly them with one installation")
     files = {"cells.json": (folder / "cells.json").read_bytes()}
     for cell in cells:
@@ -104,7 +103,7 @@ def write_bundle(folder: Path, out: Path, title: str, logs: int, salt: Path | No
         kept = [it.seed for it in cell.landings if (folder / cell.name / "flights" / f"{it.seed}.mcap").exists()]
         names += [f"flights/{seed}.mcap" for seed in kept[:logs]]
         files |= {f"{cell.name}/{name}": (folder / cell.name / name).read_bytes() for name in names}
-    own = {name: _code_file(name) for key in keys for name in _own_names(key)}
+    own = {name: _code_file(name) for cell in cells for name in _own_names(cell.key)}
     files |= {f"code/{path.name}": path.read_bytes() for path in own.values()}
     about = {
         "format": FORMAT,
@@ -112,8 +111,8 @@ def write_bundle(folder: Path, out: Path, title: str, logs: int, salt: Path | No
         "suite": cells[0].suite,
         "runs": len(cells[0].landings),
         "salt": "" if salt is None else salt_digest(salt),
-        "command": keys[0]["command"],
-        **{word: keys[0][word] for word in _BOUND},
+        "command": key["command"],
+        **{word: key[word] for word in _BOUND},
         "own_code": {name: f"code/{path.name}" for name, path in own.items()},
         "summary": _summary(cells),
         "files": {name: sha256(data).hexdigest() for name, data in files.items()},
@@ -124,6 +123,11 @@ def write_bundle(folder: Path, out: Path, title: str, logs: int, salt: Path | No
             # of no date: the same rows, the same zip
             packed.writestr(zipfile.ZipInfo(name), data, zipfile.ZIP_DEFLATED)
     return about
+
+
+def _check_title(path: Path, title: str) -> None:
+    if not title.isprintable() or "|" in title:
+        raise DataError(f"{path}: the title holds what cannot be printed, or a |")
 
 
 def _code_file(name: str) -> Path:
@@ -158,8 +162,7 @@ def _checked(path: Path, folder: Path, salt: Path | None) -> Bundle:
     cells = tuple(read_cells([folder]))
     if not any(cell.landings for cell in cells):
         raise DataError(f"{path} holds no flights")
-    keys = {cell.name: json_of(read_text(folder / cell.name / "campaign.json")) for cell in cells}
-    bundle = Bundle(path, about, folder, cells, keys, seeds_checked=not about["salt"] or salt is not None)
+    bundle = Bundle(path, about, folder, cells, seeds_checked=not about["salt"] or salt is not None)
     _check_names(bundle)
     for cell in cells:
         _check_rows(cell, folder)
@@ -200,8 +203,7 @@ def _unpacked(path: Path, folder: Path) -> dict[str, Any]:
             target.write_bytes(data)
         for word in ("title", "suite", "runs", "salt", "summary", "own_code", *_BOUND):
             about[word]
-        if not str(about["title"]).isprintable() or "|" in about["title"]:
-            raise DataError(f"{path}: the title holds what cannot be printed, or a |")
+        _check_title(path, str(about["title"]))
         return dict(about)
 
 
@@ -211,7 +213,7 @@ def _check_names(bundle: Bundle) -> None:
     for cell in bundle.cells:
         names = ("campaign.json", "landings.csv", *(f"flights/{it.seed}.mcap" for it in cell.landings))
         meant |= {f"{cell.name}/{name}" for name in names}
-        for name in _own_names(bundle.keys[cell.name]):
+        for name in _own_names(cell.key):
             own[name] = f"code/{_module_of(name)}.py"
             if own[name] not in held:
                 raise DataError(f"{cell.name}: it names code that the bundle does not hold: {name}")
@@ -257,7 +259,7 @@ def texts_of(landing: Landing) -> list[str]:
 
 
 def _check_key(bundle: Bundle, cell: CellResult) -> None:
-    key = bundle.keys[cell.name]
+    key = cell.key
     if config_digest(key["scenario"]) != key["configuration"]:
         raise DataError(f"{cell.name}: its configuration is not the one that its digest means")
     for word in _BOUND:
@@ -286,9 +288,9 @@ def _check_seeds(cells: Sequence[CellResult], runs: int, salt: Path | None, seal
             raise DataError(f"{cell.name}: {words}; expected {runs} flights, the same seeds in every cell")
 
 
-def cell_of(bundle: Bundle, cell: CellResult) -> Cell:
+def cell_of(cell: CellResult) -> Cell:
     """What was flown, as it is flown."""
-    return Cell(load_scenario(bundle.keys[cell.name]["scenario"]), cell.settings, cell.pilot, cell.vision)
+    return Cell(load_scenario(cell.key["scenario"]), cell.settings, cell.pilot, cell.vision)
 
 
 def _check_suite(bundle: Bundle) -> None:
@@ -307,7 +309,7 @@ def _check_suite(bundle: Bundle) -> None:
     for pilot in dict.fromkeys(cell.pilot for cell in bundle.cells):
         found = Counter[str]()
         for cell in (each for each in bundle.cells if each.pilot == pilot):
-            digest = task_digest([cell_of(bundle, cell)])
+            digest = task_digest([cell_of(cell)])
             if digest not in wanted:
                 raise DataError(f"{cell.name} is none of the flights of suite {words}")
             bundle.groups[cell.name] = wanted[digest]
@@ -324,8 +326,7 @@ def _check_logs(bundle: Bundle) -> None:
             log, rows = read_log(path), {it.seed: it for it in cell.landings}
             info, landing = log.header.info, rows[int(path.stem)]
             named = (info.seed, info.pilot, info.config_digest)
-            key = bundle.keys[cell.name]
-            if named != (landing.seed, cell.pilot, key["configuration"]):
+            if named != (landing.seed, cell.pilot, cell.key["configuration"]):
                 raise DataError(f"{cell.name}: the log {path.name} is of another flight than its row")
             touched = log.verdict is not None and log.verdict.touched
             ended = log.verdict is not None and (log.verdict.landed, log.verdict.in_square)

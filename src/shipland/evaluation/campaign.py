@@ -14,12 +14,13 @@ from typing import Any, NamedTuple
 from shipland.compiled import compiles_for_all
 from shipland.config import build
 from shipland.errors import DataError
-from shipland.evaluation.folder import CampaignFolder, campaign_key, claimed, folder_in, read_campaign
+from shipland.evaluation.folder import CampaignFolder, campaign_key, claimed, folder_in, read_campaign, read_key
 from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.evaluation.landing import COLUMNS, Landing, as_text, row_of
 from shipland.evaluation.suite import Cell
 from shipland.factories import name_of
-from shipland.files import json_bytes, json_of, read_text, write_atomically, write_csv
+from shipland.files import json_bytes, json_of, write_atomically, write_csv
+from shipland.former import renamed
 from shipland.rig import Rig
 from shipland.sim.aircraft.parameters import AirframeParameters
 from shipland.sim.ship.ship import ShipParameters
@@ -223,7 +224,7 @@ class CellResult:
     Attributes:
         rig, ship, airframe: what a landing is judged by, read back from what was flown.
         logs: the folder with the logs of failures, for links; None without one.
-        version: of the code that flew it; empty where that is not known.
+        key: campaign.json, as `campaign_key` makes it; empty of rows in memory.
     """
 
     name: str
@@ -238,7 +239,12 @@ class CellResult:
     airframe: AirframeParameters
     landings: tuple[Landing, ...]
     logs: Path | None
-    version: str = ""
+    key: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def version(self) -> str:
+        """Of the code that flew it; empty where that is not known."""
+        return str(self.key.get("version", ""))
 
 
 def _facts(name: str, about: Mapping[str, Any]) -> dict[str, Any]:
@@ -261,11 +267,11 @@ def read_cells(folders: Sequence[Path]) -> list[CellResult]:
     keys: dict[str, dict[str, Any]] = {}
     for folder in folders:
         for name, about in read_about(folder)["cells"].items():
-            key = json_of(read_text(folder / name / "campaign.json"))
+            key = read_key(folder / name)
             bound = {word: key[word] for word in ("source", "configuration", "weights", "own_code")}
             if keys.setdefault(name, bound) != bound:
                 raise DataError(f"{name}: flown with other code, configuration or weights in {folder} than before")
-            flown, landings = key["scenario"], {it.seed: it for it in read_campaign(folder / name)}
+            flown, landings = renamed(key["scenario"]), {it.seed: it for it in read_campaign(folder / name)}
             if name in found:
                 landings = {it.seed: it for it in found[name].landings} | landings
             found[name] = CellResult(
@@ -275,7 +281,7 @@ def read_cells(folders: Sequence[Path]) -> list[CellResult]:
                 airframe=build(AirframeParameters, flown["aircraft"]["airframe"], "aircraft.airframe"),
                 landings=_in_order(landings),
                 logs=folder / name / "flights",
-                version=str(key.get("version", "")),
+                key=key,
             )
     return list(found.values())
 

@@ -204,13 +204,22 @@ def claimed(out: Path) -> Iterator[None]:
 def _check_key(beside: Path, key: dict[str, Any]) -> None:
     if not beside.exists():
         raise DataError(f"{beside.parent} holds landings without campaign.json; give another folder")
-    try:
-        found = json_of(read_text(beside))
-    except ValueError:
-        raise DataError(f"{beside} is not readable; give another folder") from None
-    differ = [words for name, words in _BOUND.items() if not isinstance(found, dict) or found.get(name) != key[name]]
+    found = read_key(beside.parent)
+    differ = [words for name, words in _BOUND.items() if found.get(name) != key[name]]
     if differ:
         raise DataError(f"{beside.parent} holds landings of another {', '.join(differ)}; give another folder")
+
+
+def read_key(folder: Path) -> dict[str, Any]:
+    """campaign.json of a campaign's folder; DataError when there is none or it is broken."""
+    path = folder / "campaign.json"
+    try:
+        key = json_of(read_text(path))
+    except ValueError:
+        key = None
+    if not isinstance(key, dict):
+        raise DataError(f"{path} is not readable; give another folder")
+    return key
 
 
 def read_campaign(folder: Path) -> list[Landing]:

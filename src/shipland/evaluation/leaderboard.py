@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -57,54 +57,50 @@ def rests_in_area(landing: Landing, rig: Rig) -> bool:
     return landing.landed and rig.in_landing_area(landing.rest_forward_m, landing.rest_starboard_m)
 
 
-def leaderboard(cells: Sequence[CellResult], oracle_rates: dict[str, OracleRate]) -> Iterator[str]:
+def leaderboard(cells: Sequence[CellResult], oracle_rates: dict[str, OracleRate]) -> str:
     """Markdown, a line a cell; the oracle rates, by group, may lack some or all."""
     keys = swept_keys(cells)
-    names, area = [key.split(".")[-1] for key in keys], area_of(cell.rig for cell in cells)
-    yield " | ".join(
-        ["| scenario", *names, "pilot", "wind, at 10 m, gust [m/s]", "flights",
-         f"landed in the {area}", "95 % interval", "oracle rate",
-         f"rest in the {area}", "landed", "oracle at its instants", "error median [cm]",
-         "error 90 % [cm]", "control error median [cm]",
-         "sink median [m/s]", "time median [s]", "causes |"]
-    )  # fmt: skip
-    yield "|" + "---|" * (len(keys) + 3) + "---:|" * 12 + "---|"
-    rng = np.random.default_rng(1)
+    area, rng, rows = area_of(cell.rig for cell in cells), np.random.default_rng(1), []
+    texts = ["scenario", *(key.split(".")[-1] for key in keys), "pilot", "wind, at 10 m, gust [m/s]"]
+    numbers = [
+        "flights", f"landed in the {area}", "95 % interval", "oracle rate", f"rest in the {area}", "landed",
+        "oracle at its instants", "error median [cm]", "error 90 % [cm]", "control error median [cm]",
+        "sink median [m/s]", "time median [s]",
+    ]  # fmt: skip
     for cell in cells:
         landings, touched = cell.landings, [it for it in cell.landings if it.touched]
         if not landings:
             continue
         tally = Tally.of(landings)
-        rests = sum(rests_in_area(it, cell.rig) for it in landings)
         errors_cm = 100.0 * np.array([it.error_m for it in touched])
         own_cm = 100.0 * np.array([np.hypot(it.control_forward_m, it.control_starboard_m) for it in touched])
-        yield " | ".join(
+        rows.append(
             [
-                f"| {cell.scenario}",
+                cell.scenario,
                 *(dict(cell.settings).get(key, "") for key in keys),
                 cell.pilot,
                 _wind(landings),
-                str(tally.flights),
+                tally.flights,
                 tally.share_text(),
                 tally.interval_text(),
                 f"{100.0 * oracle_rates[cell.group].share:.1f} %" if cell.group in oracle_rates else "",
-                str(rests),
-                str(sum(it.landed for it in landings)),
+                sum(rests_in_area(it, cell.rig) for it in landings),
+                sum(it.landed for it in landings),
                 f"{sum(bool(it.oracle_in_square) for it in touched)} of {len(touched)}",
                 _quantile(errors_cm, 0.5, rng),
                 _quantile(errors_cm, 0.9, rng),
                 _quantile(own_cm, 0.5, rng),
                 median([it.sink_mps for it in touched], 2),
                 median([it.time_s for it in touched], 0),
-                f"{causes_in_words(landings)} |",
+                causes_in_words(landings),
             ]
         )
+    table = markdown([*texts, *numbers, "causes"], rows, left=[*texts, "causes"])
     fixed = {pair for cell in cells for pair in cell.settings if pair[0] not in keys}
-    yield ""
-    if fixed:
-        yield f"All cells: {', '.join(f'`{key}={value}`' for key, value in sorted(fixed))}."
-        yield ""
-    yield (
+    settings = ", ".join(f"`{key}={value}`" for key, value in sorted(fixed))
+    everywhere = f"All cells: {settings}.\n\n" if fixed else ""
+    return (
+        f"{table}\n\n{everywhere}"
         "Wind: the mean that was set, the same wind's mean at 10 m over the surface, and its strongest three seconds "
         f"in ten minutes, medians. Landed: at rest on its feet, within every limit; landed in the {area}: and first "
         f"contact in the {area}; rest in the {area}: landed, and at rest in the {area}, wherever it touched. Interval: "
@@ -161,34 +157,27 @@ def _paired(first: CellResult, second: CellResult) -> Pairing:
     return pair_up(by_seed(first.landings), by_seed(second.landings), np.random.default_rng(1))
 
 
-def pairings_table(found: Pairings) -> Iterator[str]:
+def pairings_table(found: Pairings) -> str:
     """Markdown, a line a pairing."""
-    head = ("cell",) if found and len(next(iter(found))) == 1 else ("scenario and settings", "pilots")
-    numbers = "seeds | only the first | only the second | McNemar p | error median, first less second [cm] |"
-    yield f"| {' | '.join(head)} | {numbers}"
-    yield f"|{'---|' * len(head)}---:|---:|---:|---:|---:|"
-    for names, it in found.items():
+    names = ("cell",) if found and len(next(iter(found))) == 1 else ("scenario and settings", "pilots")
+    counts = ("seeds", "only the first", "only the second", "McNemar p")
+    rows = []
+    for labels, it in found.items():
         difference = "–"
         if np.isfinite(it.error_difference_m):
             low, high = (100.0 * value for value in it.error_interval_m)
             difference = f"{100.0 * it.error_difference_m:.1f} ({low:.1f} … {high:.1f})".replace("nan", "–")
-        counts = f"{it.flights} | {it.only_first} | {it.only_second} | {it.p_value:.2g}"
-        yield f"| {' | '.join(names)} | {counts} | {difference} |"
+        rows.append([*labels, it.flights, it.only_first, it.only_second, f"{it.p_value:.2g}", difference])
+    return markdown([*names, *counts, "error median, first less second [cm]"], rows, left=names)
 
 
-def pairs(cells: Sequence[CellResult]) -> Iterator[str]:
-    """Markdown: every two pilots of one group on the same seeds."""
-    return pairings_table(pilot_pairings(cells))
-
-
-def rivals(cells: Sequence[CellResult]) -> Iterator[str]:
+def rivals(cells: Sequence[CellResult]) -> str:
     """Markdown: how many of each cell's flights every published rule counts."""
-    names = list(rules(cells[0].rig))
-    yield " | ".join(["| scenario and settings", "pilot", "flights", *names]) + " |"
-    yield "|---|---|---:|" + "---:|" * len(names)
+    texts, rows = ("scenario and settings", "pilot"), []
     for cell in cells:
-        counts = [str(sum(map(rule, cell.landings))) for rule in rules(cell.rig).values()]
-        yield " | ".join([f"| {cell.group}", cell.pilot, str(len(cell.landings)), *counts]) + " |"
+        counts = [sum(map(rule, cell.landings)) for rule in rules(cell.rig).values()]
+        rows.append([cell.group, cell.pilot, len(cell.landings), *counts])
+    return markdown([*texts, "flights", *rules(cells[0].rig)], rows, left=texts)
 
 
 def oracle_rates_of(cells: Sequence[CellResult], motions: int, cache: Path | None = None) -> dict[str, OracleRate]:

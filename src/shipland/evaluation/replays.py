@@ -17,8 +17,7 @@ from shipland.camera import Camera
 from shipland.compiled import say_that_it_compiles
 from shipland.config import merge, settings
 from shipland.errors import ConfigError, DataError
-from shipland.evaluation.folder import read_campaign
-from shipland.files import json_of, read_text
+from shipland.evaluation.folder import read_campaign, read_key
 from shipland.flight import Autonomy, cycles, decide_or_degrade
 from shipland.former import renamed
 from shipland.messages import FlightRecord, Observation, PilotCommand
@@ -176,7 +175,7 @@ def flown_in_cell(
     if seed not in results:
         listed = f"{min(results)} to {max(results)}" if results else "none"
         raise ConfigError(f"{folder} holds no flight of seed {seed}; seeds flown: {listed}")
-    key = json_of(read_text(folder / "campaign.json"))
+    key = read_key(folder)
     version = str(key.get("version", ""))
     setup = _setup(folder, (renamed(key["scenario"]), key["pilot"], key["vision"], version), (pilot, vision, changes))
     log, out = folder / "flights" / f"{seed}.mcap", folder / "flights" / f"{seed}"

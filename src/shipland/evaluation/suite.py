@@ -6,6 +6,7 @@ import fnmatch
 import hashlib
 import itertools
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -162,8 +163,12 @@ class Overrides:
 def cells_of(entries: Sequence[SuiteEntry], asked: Overrides) -> list[Cell]:
     """The cells in order, pilots innermost.
 
-    ConfigError where scenario, pilot or vision is not known, a setting is wrong, or nothing is left to fly.
+    ConfigError where scenario, pilot or vision is not known, a setting is wrong or there twice, or nothing is left to
+    fly.
     """
+    for key, count in Counter(setting(text)[0] for text in asked.changes).items():
+        if count > 1:
+            raise ConfigError(f"{key} is set {count} times; its values stand in one text, as {key}=A,B")
     for pilot in asked.pilots:
         factories.resolve("pilots", pilot)
     found: dict[str, Cell] = {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,28 +24,28 @@ _PHASE_NAMES = {
 }
 
 
-def markdown(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A table whose first column stands to the left, the others to the right."""
+def markdown(head: Sequence[str], rows: Iterable[Sequence[object]], left: Collection[str] | None = None) -> str:
+    """A table; the columns `left`, the first one unless they are named, stand to the left, the others to the right."""
+    rules = ("---" if name in (head[:1] if left is None else left) else "---:" for name in head)
     first, *others = (f"| {' | '.join(map(str, cells))} |" for cells in (head, *rows))
-    return "\n".join([first, f"|---|{'---:|' * (len(head) - 1)}", *others])
+    return "\n".join([first, f"|{'|'.join(rules)}|", *others])
 
 
 def landings_table(landings: Sequence[Landing], area: str) -> str:
     """A row a seed, with a last paragraph that sums up; `area` as in `summary_of`."""
-    lines = [
-        "| seed | error [m] | forward [m] | starboard [m] | control error [m] | deck off [m] | oracle lands "
-        "| sink [m/s] | slide [m/s] | slip [m] | tilt [°] | time [s] | verdict |",
-        "|---:|---:|---:|---:|---:|---:|---|---:|---:|---:|---:|---:|---|",
-    ]
+    head = ("seed", "error [m]", "forward [m]", "starboard [m]", "control error [m]", "deck off [m]", "oracle lands",
+            "sink [m/s]", "slide [m/s]", "slip [m]", "tilt [°]", "time [s]", "verdict")  # fmt: skip
+    rows = []
     for it in sorted(landings, key=lambda landing: landing.seed):
         own_m = np.hypot(it.control_forward_m, it.control_starboard_m)
         deck_m = np.hypot(it.deck_forward_m, it.deck_starboard_m)
         oracle = {True: "yes", False: "no", None: ""}[it.oracle_in_square]
-        places = f"{it.error_m:.3f} | {it.forward_m:.3f} | {it.starboard_m:.3f} | {own_m:.3f} | {deck_m:.3f}"
-        rest = f"{it.sink_mps:.3f} | {it.slide_mps:.3f} | {it.slip_m:.3f} | {it.tilt_deg:.1f} | {it.time_s:.1f}"
+        places = [f"{value:.3f}" for value in (it.error_m, it.forward_m, it.starboard_m, own_m, deck_m)]
+        touch = [f"{value:.3f}" for value in (it.sink_mps, it.slide_mps, it.slip_m)]
         words = it.reason if it.cause in ("", it.reason) else f"{it.reason}; {it.cause}"
-        lines.append(f"| {it.seed} | {places} | {oracle} | {rest} | {words} |")
-    return "\n".join([*lines, "", summary_of(landings, area)]).replace("nan", "")
+        rows.append([it.seed, *places, oracle, *touch, f"{it.tilt_deg:.1f}", f"{it.time_s:.1f}", words])
+    table = markdown(head, rows, left=("oracle lands", "verdict"))
+    return f"{table}\n\n{summary_of(landings, area)}".replace("nan", "")
 
 
 def summary_of(landings: Sequence[Landing], area: str) -> str:

@@ -73,12 +73,13 @@ def fly_again(bundle: Bundle, sample: int, rng: np.random.Generator, workers: in
     flights = bundle.flights
     count = min(sample, len(flights)) if sample else len(flights)
     chosen = [flights[index] for index in sorted(rng.choice(len(flights), count, replace=False).tolist())]
-    cells = {cell.name: cell_of(bundle, cell) for cell, _ in chosen}
+    submitted = {cell.name: cell for cell, _ in chosen}
+    cells = {name: cell_of(cell) for name, cell in submitted.items()}
     for name, cell in cells.items():
-        found = campaign_key(cell.scenario, cell.pilot, cell.vision)
+        found, there = campaign_key(cell.scenario, cell.pilot, cell.vision), submitted[name].key
         for word in ("configuration", "weights", "own_code"):
-            if found[word] != bundle.keys[name][word]:
-                raise DataError(f"{name}: its {word} here is {found[word]}, in the bundle {bundle.keys[name][word]}")
+            if found[word] != there[word]:
+                raise DataError(f"{name}: its {word} here is {found[word]}, in the bundle {there[word]}")
     rows = {(cell.name, landing.seed): texts_of(landing) for cell, landing in chosen}
     jobs = [
         FlightJob(cells[name].scenario, cells[name].pilot, cells[name].vision, seed, cell=name) for name, seed in rows
@@ -104,9 +105,8 @@ def fly_again(bundle: Bundle, sample: int, rng: np.random.Generator, workers: in
 
 def _other_libraries(bundle: Bundle) -> str:
     """Which libraries differ, as that alone may change a flight's last digits."""
-    key = next(iter(bundle.keys.values()))
-    cell = cell_of(bundle, bundle.cells[0])
-    here = campaign_key(cell.scenario, "paper", "geometric")
+    key = bundle.cells[0].key
+    here = campaign_key(cell_of(bundle.cells[0]).scenario, "paper", "geometric")
     differ = [f"{name} {there}, here {here['libraries'][name]}" for name, there in key["libraries"].items()
               if here["libraries"].get(name) != there]  # fmt: skip
     if key["python"] != here["python"]:

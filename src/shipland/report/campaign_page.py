@@ -20,7 +20,14 @@ from typing import Any
 
 from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.landing import Conditions, Landing
-from shipland.evaluation.leaderboard import leaderboard, pairs, rests_in_area, rivals, swept_keys
+from shipland.evaluation.leaderboard import (
+    leaderboard,
+    pairings_table,
+    pilot_pairings,
+    rests_in_area,
+    rivals,
+    swept_keys,
+)
 from shipland.evaluation.oracle import OracleRate
 from shipland.evaluation.tables import quantile
 from shipland.evaluation.tally import Tally
@@ -153,7 +160,7 @@ def campaign_page(
         tables[1],
     ]
     if len(pilots) > 1:
-        parts += ["<h2>Pilots in pairs</h2>", html_of_table(pairs(cells))]
+        parts += ["<h2>Pilots in pairs</h2>", html_of_table(pairings_table(pilot_pairings(cells)))]
     parts.append(flown.data_and_script())
     return page(f"Landings: {suites}", parts)
 

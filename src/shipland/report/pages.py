@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from importlib import resources
 
 
@@ -37,10 +37,10 @@ def html_table(head: Sequence[str], rows: Sequence[Sequence[str]], first_number:
     return f'<div class="wide"><table><thead><tr>{line("th", head)}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
-def html_of_table(markdown: Iterator[str]) -> str:
+def html_of_table(markdown: str) -> str:
     """HTML of a Markdown table, and of the paragraphs behind it."""
     rows, words = [], []
-    for line in markdown:
+    for line in markdown.split("\n"):
         if line.startswith("|---"):
             continue
         if line.startswith("|"):
