@@ -136,7 +136,7 @@ class SetpointVehicle(LinkVehicle):
 
     def _turn(self, step_s: float) -> None:
         if self._engaged and (words := self._suspended):
-            self._end(words)
+            self._end(f"{words}; the vehicle holds")
         self._tick(step_s)
 
     def _begin(self) -> None:

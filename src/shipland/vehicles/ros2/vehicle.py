@@ -139,7 +139,7 @@ class Ros2Vehicle(SetpointVehicle):
                 self._hold()
         called = self._setup.wait and self._heard.land  # who called waits for an answer
         if self._telling is not None and (self._engaged or called):
-            words = self.end_reason or "the vehicle was not given to us"
+            words = self.end_reason or self._failure or "the vehicle was not given to us"
             self._telling.state("", words, time.monotonic())
             self._telling.ended(words)
 
