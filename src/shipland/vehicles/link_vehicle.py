@@ -43,7 +43,7 @@ class LinkVehicle(ABC):
 
     @abstractmethod
     def _leave(self) -> None:
-        """Leave the vehicle holding, where it is still ours, before the link is closed; also where connecting failed."""
+        """Leave the vehicle holding, where it is still ours, before the link is closed; also of a failed `connect`."""
 
     def connect(self) -> None:
         """Link and camera, without taking control; once is enough. VehicleError when something does not answer."""
