@@ -292,9 +292,32 @@ def test_a_call_is_answered_where_the_vehicle_was_not_given() -> None:
         vehicle.connect()
         assert until(lambda: land.heard and vehicle._telling._result.heard)
         land.send(message("std_msgs/msg/Bool", data=True))
-        with pytest.raises(VehicleError, match="was not given to us"):
+        with pytest.raises(VehicleError, match="was not given to us") as failed:
             vehicle.open()
-        assert until(lambda: told == ["the vehicle was not given to us"])
+        assert until(lambda: told == [str(failed.value)])
+
+
+def test_a_call_is_answered_where_connecting_fails() -> None:
+    """By the only word it gets: the node is gone when the vehicle is closed."""
+    with bench("&wait=1", take=False, connect_timeout_s=5.0) as (vehicle, drone):
+        drone.silent, told = True, list[str]()
+        drone.node.subscribe("shipland/result", "std_msgs/msg/String", lambda result: told.append(result.data))
+        land = drone.node.publisher("shipland/land", "std_msgs/msg/Bool")
+        failed = list[str]()
+
+        def connect() -> None:
+            try:
+                vehicle.connect()
+            except VehicleError as error:
+                failed.append(str(error))
+
+        connecting = threading.Thread(target=connect, daemon=True)
+        connecting.start()
+        assert until(lambda: land.heard)
+        land.send(message("std_msgs/msg/Bool", data=True))
+        connecting.join(20.0)
+        assert "camera_info has not come" in failed[0]
+        assert until(lambda: told == failed)
 
 
 def test_who_waits_for_no_call_answers_none() -> None:

@@ -76,7 +76,7 @@ def vehicle(
 ) -> Iterator[tuple[AnafiVehicle, Path]]:
     script, log = tmp_path / "far_end.py", tmp_path / "asked.txt"
     script.write_text(FAR_END)
-    own = {"connect_timeout_s": 5.0, "engage_timeout_s": 2.0, "video_timeout_s": 0.5} | changes
+    own = {"connect_timeout_s": 30.0, "engage_timeout_s": 2.0, "video_timeout_s": 0.5} | changes
     table = {**vehicle_table(None), "anafi": own}
     setup = VehicleSetup(Address.parse(f"anafi://127.0.0.1?{options}"), Camera.from_fov(64, 36, 69.0), table)
     made = anafi(setup)
@@ -220,6 +220,49 @@ def test_no_stick_of_before_a_suspension_is_sent_after_it_nor_are_they_released(
         assert until(lambda: asked(log)[-1] == {"stop": True})
         assert [line for line in asked(log) if "sticks" in line][-1] == before
         assert flown.read() is None
+
+
+@pytest.mark.parametrize("options", ["takeoff=1", "takeoff=0"])
+def test_an_aircraft_connected_before_a_suspension_is_not_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: str
+) -> None:
+    """What is known of it is as old."""
+    with vehicle(tmp_path, options=options) as (flown, log):
+        flown.connect()
+        flown._process.say({"say": flying("landed" if options == "takeoff=1" else "hovering")})
+        assert until(lambda: flown._state != "")
+        monkeypatch.setattr(link_vehicle, "boot_s", lambda: time.monotonic() + 30.0)
+        with pytest.raises(VehicleError, match="this machine was suspended for 30 s since it connected"):
+            flown.open()
+        assert flown.in_command.startswith("somebody else")
+        assert not any("take_off" in line or "sticks" in line for line in asked(log))
+
+
+@pytest.mark.parametrize(
+    ("taken", "in_command"),
+    [
+        (flying("landing"), "somebody else (landing)"),
+        (
+            {"kind": "home", "values": {"state": "inProgress", "reason": "userRequest"}},
+            "the ANAFI itself (returns home)",
+        ),
+    ],
+)
+def test_a_takeover_after_our_own_end_is_not_sent_released_sticks(
+    tmp_path: Path, taken: dict[str, Any], in_command: str
+) -> None:
+    with vehicle(tmp_path) as (flown, log):
+        flown.open()
+        flown._end("video lost: here; the ANAFI holds", "the ANAFI itself (holds)")
+        assert until(lambda: asked(log)[-1] == {"sticks": [0, 0, 0, 0]})
+        for _ in range(2):
+            flown._on_record(taken | {"t_s": time.monotonic()}, b"")
+        assert until(lambda: {"stop": True} in asked(log))
+        assert flown.in_command == in_command
+        assert flown.end_reason.startswith("video lost: here; the ANAFI holds; then ")
+        flown.close()
+        assert sum("stop" in line for line in asked(log)) == 1
+        assert flown.in_command == in_command
 
 
 def test_who_is_in_command_is_told(tmp_path: Path) -> None:

@@ -25,6 +25,8 @@ class LinkVehicle(ABC):
         self._suspended_s = math.nan
         """Time for which the machine had been suspended, all in all, when the vehicle was connected."""
         self._end_reason = ""
+        self._failure = ""
+        """Why it could not be connected or taken, in words."""
 
     @property
     def end_reason(self) -> str:
@@ -41,7 +43,7 @@ class LinkVehicle(ABC):
 
     @abstractmethod
     def _leave(self) -> None:
-        """Leave the vehicle holding, where it is still ours, before the link is closed."""
+        """Leave the vehicle holding, where it is still ours, before the link is closed; also of a failed `connect`."""
 
     def connect(self) -> None:
         """Link and camera, without taking control; once is enough. VehicleError when something does not answer."""
@@ -49,9 +51,10 @@ class LinkVehicle(ABC):
             return
         try:
             self._connect()
-        except BaseException:
-            with uninterrupted():
-                self._stack.close()
+        except BaseException as error:
+            self._failure = str(error)
+            with uninterrupted(), self._stack:
+                self._leave()
             raise
         self._connected, self._suspended_s = True, boot_s() - time.monotonic()
 
@@ -59,7 +62,12 @@ class LinkVehicle(ABC):
     def _suspended(self) -> str:
         """That the machine was suspended since it was connected, in words; empty where it was not."""
         lost_s = boot_s() - time.monotonic() - self._suspended_s
-        return f"this machine was suspended for {lost_s:.0f} s; the vehicle holds" if lost_s > _SUSPENDED_S else ""
+        return f"this machine was suspended for {lost_s:.0f} s" if lost_s > _SUSPENDED_S else ""
+
+    def _refuse_if_suspended(self) -> None:
+        """VehicleError where what is known of the vehicle is older than a suspension."""
+        if words := self._suspended:
+            raise VehicleError(f"{words} since it connected: what it knows of the vehicle is old; start again")
 
     def open(self) -> None:
         """Connect, and take the vehicle as far as that was allowed; VehicleError when it does not come to us."""
@@ -67,8 +75,10 @@ class LinkVehicle(ABC):
             raise VehicleError("this flight is over; make a new vehicle for the next one")
         self.connect()
         try:
+            self._refuse_if_suspended()
             self._engage()
-        except BaseException:
+        except BaseException as error:
+            self._failure = str(error)
             self.close()
             raise
 

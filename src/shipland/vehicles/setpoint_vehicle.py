@@ -63,6 +63,10 @@ class SetpointVehicle(LinkVehicle):
     def _tick(self, step_s: float) -> None:
         """One turn of the set-points' thread, `step_s` after the last."""
 
+    @abstractmethod
+    def _turn_camera(self, pitch_rad: float) -> None:
+        """Command the camera's pitch against the horizon, upward positive."""
+
     def read(self) -> tuple[Frame | None, Telemetry] | None:
         """The newest picture not given, or none within `LONGEST_WAIT_S`; None when the flight is over."""
         stream, timeout_s = self._stream, self._parameters.video_timeout_s
@@ -136,7 +140,7 @@ class SetpointVehicle(LinkVehicle):
 
     def _turn(self, step_s: float) -> None:
         if self._engaged and (words := self._suspended):
-            self._end(words)
+            self._end(f"{words}; the vehicle holds")
         self._tick(step_s)
 
     def _begin(self) -> None:
@@ -155,9 +159,10 @@ class SetpointVehicle(LinkVehicle):
             return None
         return command[0]
 
-    def _turns_camera(self, pitch_rad: float, now_s: float) -> bool:
-        """Whether the camera is to be turned to `pitch_rad` now: not to a NaN, and no oftener than `gimbal_hz`."""
-        if not math.isfinite(pitch_rad) or now_s - self._gimbal_s < 1.0 / self._parameters.gimbal_hz:
-            return False
-        self._gimbal_s = now_s
-        return True
+    def _aim(self, command: PilotCommand | None, now_s: float) -> None:
+        """Turn the camera where the pilot wants it: not to a NaN, and no oftener than `gimbal_hz`."""
+        if command is None or not math.isfinite(command.gimbal_pitch_rad):
+            return
+        if now_s - self._gimbal_s >= 1.0 / self._parameters.gimbal_hz:
+            self._gimbal_s = now_s
+            self._turn_camera(command.gimbal_pitch_rad)

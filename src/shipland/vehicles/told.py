@@ -6,6 +6,10 @@ import numpy as np
 
 from shipland.frames import Array
 
+LEAST_STD_M, LEAST_STD_RAD = 0.02, 0.01
+"""Least standard deviations that are sent: an outlier that is believed costs more than a wait."""
+LEVEL_STD_RAD = 0.02
+"""Standard deviation of roll and pitch, which are the autopilot's or the gimbal's own."""
 _UNKNOWN = 1e6
 """Variance [m², rad²] that no filter takes for knowledge."""
 

@@ -64,7 +64,7 @@ class AnafiVehicle(LinkVehicle):
         self._home: dict[str, str] = {}
         """What each of the events that tell of a flight home said last."""
         self._heard_s = self._given_s = self._pictured_s = self._gimbal_s = self._still_s = self._asked_s = -math.inf
-        self._answers = self._watched = False
+        self._answers = self._watched = self._yielded = False
         self._landing = self._at_contact_height = False
         self._problem = ""
         self._in_command = "somebody else (not given to us yet)"
@@ -109,6 +109,7 @@ class AnafiVehicle(LinkVehicle):
         with self._changed:  # no event between seeing that it flies and watching who lands it
             landed = self._state in ("", "landed")  # elsewhere a take-off would undo a landing
             if self._setup.take_off and landed and not self._flies_home():
+                self._refuse_if_suspended()
                 self._watched, self._in_command = True, "shipland"
                 self._process.say({"take_off": True})
             timeout_s = self._parameters.engage_timeout_s
@@ -193,7 +194,7 @@ class AnafiVehicle(LinkVehicle):
     def _has_slept(self) -> bool:
         """Whether the machine was suspended, which ends the flight; who flies it by now is not known, and keeps it."""
         if words := self._suspended:
-            self._end(words, "the ANAFI itself (holds)", yielded=True)
+            self._end(f"{words}; the vehicle holds", "the ANAFI itself (holds)", yielded=True)
         return bool(words)
 
     def _flies_home(self) -> bool:
@@ -223,10 +224,14 @@ class AnafiVehicle(LinkVehicle):
         return float(velocity[2]) > least_mps
 
     def _end(self, reason: str, in_command: str, *, yielded: bool = False) -> None:
-        """No more frames; the first reason stands. Sticks are released, or, to another pilot, not sent any more."""
+        """No more frames; the first reason stands. Sticks are released, or, to another pilot, not sent any more.
+
+        Whoever takes it after an end of ours is told of as well, and is sent no released sticks either.
+        """
         with self._changed:
-            if not self._end_reason:
-                self._end_reason, self._in_command = reason, in_command
+            if not self._end_reason or (yielded and not self._yielded):
+                self._end_reason = f"{self._end_reason}; then {reason}" if self._end_reason else reason
+                self._in_command, self._yielded = in_command, yielded
                 if self._process is not None:
                     self._process.say({"stop": True} if yielded else {"sticks": [0, 0, 0, 0]})
             self._changed.notify_all()

@@ -14,14 +14,10 @@ from shipland.vehicles.gimbal import gimbal_at
 from shipland.vehicles.mavlink.dialect import Message, dialect
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
-from shipland.vehicles.told import told_covariance
+from shipland.vehicles.told import LEAST_STD_M, LEAST_STD_RAD, LEVEL_STD_RAD, told_covariance
 
-_LEAST_STD_M, _LEAST_STD_RAD = 0.02, 0.01
-"""Least standard deviations that are sent: an outlier that is believed costs more than a wait."""
 _OLD_S = 0.2
 """Nothing is sent of an exposure that comes later than this after the newest attitude, or a PX4's newest place."""
-_LEVEL_STD_RAD = 0.02
-"""Standard deviation of roll and pitch, which are the autopilot's own."""
 
 
 @dataclass(frozen=True)
@@ -70,9 +66,9 @@ def position_estimate(pose: BarPose, state: AutopilotState, mounting: Mounting, 
     north, east, down = (ned_from_bar @ aircraft_in_bar(pose, state, mounting)).tolist()
     covariance = ned_from_bar @ pose.covariance[:3, :3] @ ned_from_bar.T
     full = np.zeros((6, 6))
-    full[:3, :3] = told_covariance(covariance) + _LEAST_STD_M**2 * np.eye(3)
-    full[3, 3] = full[4, 4] = _LEVEL_STD_RAD**2
-    full[5, 5] = told_covariance(pose.covariance)[3, 3] + _LEAST_STD_RAD**2
+    full[:3, :3] = told_covariance(covariance) + LEAST_STD_M**2 * np.eye(3)
+    full[3, 3] = full[4, 4] = LEVEL_STD_RAD**2
+    full[5, 5] = told_covariance(pose.covariance)[3, 3] + LEAST_STD_RAD**2
     return dialect.MAVLink_vision_position_estimate_message(
         time_us, north, east, down, state.roll_rad, state.pitch_rad, state.heading_rad,
         full[np.triu_indices(6)].tolist(), 0,

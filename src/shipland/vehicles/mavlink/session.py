@@ -17,7 +17,7 @@ from shipland.vehicles.mavlink.guard import Orders
 from shipland.vehicles.mavlink.link import LinkCounts, MavlinkLink
 from shipland.vehicles.mavlink.modes import GUIDED, GUIDED_NOGPS, PX4_OFFBOARD, mode_known, mode_shown, modes_of
 from shipland.vehicles.mavlink.setpoints import AUTOPILOT, level_message, velocity_message
-from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState, RefusedError, absorb
+from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState, absorb
 from shipland.vehicles.waiting import wait_until
 from shipland.vehicles.wanted import HOLD
 
@@ -116,7 +116,7 @@ class Session:
             return
         try:
             after = absorb(before, message, received_s)
-        except (RefusedError, ValueError, TypeError, OverflowError):
+        except (ValueError, TypeError, OverflowError):
             self.refused += 1
             return
         with self._lock:
@@ -215,10 +215,6 @@ class Session:
             check_stop()
             time.sleep(0.01)
         return -1
-
-    def ask_guided(self, unless: Callable[[], object]) -> int:
-        """Ask for the mode that obeys us; see `ask`."""
-        return self.ask(_SET_MODE, 1, *modes_of(self.state).guided, unless=unless)
 
     def ask_hold(self, is_ours: Callable[[AutopilotState], bool]) -> None:
         """Ask for a mode in which the vehicle holds its place by itself, until it has left ours.

@@ -180,15 +180,11 @@ class AutopilotState:
         return c * north + s * east, c * east - s * north, down
 
 
-class RefusedError(ValueError):
-    """A sound message with values that no vehicle has."""
-
-
 def absorb(state: AutopilotState, message: Message, received_s: float) -> AutopilotState:
     """The state after a message; the same where it says nothing new, or comes from a component that does not count.
 
     Raises:
-        RefusedError: a value is not finite or out of all bounds; the state stays as it was.
+        ValueError: a value is not finite or out of all bounds; the state stays as it was.
     """
     name = message.get_type()
     handler = _HANDLERS.get(name)
@@ -199,7 +195,7 @@ def absorb(state: AutopilotState, message: Message, received_s: float) -> Autopi
 
 def _finite(*values: float, bound: float = 1e6) -> None:
     if not all(math.isfinite(value) and abs(value) <= bound for value in values):
-        raise RefusedError(str(values))
+        raise ValueError(str(values))
 
 
 def _clock(state: AutopilotState, boot_ms: int, received_s: float) -> tuple[AutopilotState, float]:

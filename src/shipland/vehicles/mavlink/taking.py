@@ -91,8 +91,9 @@ class Taking:
 
     def _ask_guided(self) -> int:
         """Ask for the mode that obeys us, until it is given or a pilot chose another; its MAV_RESULT."""
-        control = self._control
-        result = self._session.ask_guided(lambda: control.granted or self._over())
+        control, mode = self._control, modes_of(self._session.state).guided
+        ask = dialect.MAV_CMD_DO_SET_MODE, 1, *mode
+        result = self._session.ask(*ask, unless=lambda: control.granted or self._over())
         return 0 if control.granted else result
 
     def _insist(self, ask: Callable[[], int], otherwise: str) -> None:

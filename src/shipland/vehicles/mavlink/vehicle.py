@@ -13,7 +13,7 @@ from shipland.camera import Camera
 from shipland.errors import VehicleError
 from shipland.frames import Array
 from shipland.guidance.response import Response
-from shipland.messages import FlightRecord, GimbalAttitude, Intent, Observation, PilotCommand, Telemetry
+from shipland.messages import FlightRecord, GimbalAttitude, Intent, Observation, Telemetry
 from shipland.rig import Rig
 from shipland.vehicles.address import VehicleSetup
 from shipland.vehicles.checks import Check
@@ -301,10 +301,6 @@ class MavlinkVehicle(SetpointVehicle):
         asked = dialect.MAV_CMD_DO_SET_MODE, 1, *modes_of(state).landing
         if now_s - self._handed_s > _HAND_OVER_S and self.session.command(*asked):
             self._control.hands_over, self._handed_s = True, now_s
-
-    def _aim(self, command: PilotCommand | None, now_s: float) -> None:
-        if command is not None and self._turns_camera(command.gimbal_pitch_rad, now_s):
-            self._turn_camera(command.gimbal_pitch_rad)
 
     def _turn_camera(self, pitch_rad: float) -> None:
         link, nan = self.session.link, math.nan

@@ -14,14 +14,10 @@ from shipland.frames import FLU_FROM_FRD, Array, Pose, rotation_from_euler
 from shipland.messages import BarPose, Box, Decision, GimbalAttitude, Observation
 from shipland.vehicles.ros2.conversions import CUE, DECK, flu, header, pose_message, transform
 from shipland.vehicles.ros2.types import Message, message
-from shipland.vehicles.told import told_covariance
+from shipland.vehicles.told import LEAST_STD_M, LEAST_STD_RAD, LEVEL_STD_RAD, told_covariance
 
 _STATUS_S = 0.5
 """Longest time from one status to the next, changed or not."""
-_LEAST_STD_M, _LEAST_STD_RAD = 0.02, 0.01
-"""Least standard deviations that are sent: an outlier that is believed costs more than a wait."""
-_LEVEL_STD_RAD = 0.02
-"""Standard deviation of roll and pitch, which are the gimbal's."""
 
 
 class Outlet(Protocol):
@@ -108,7 +104,7 @@ def cue_pose(pose: BarPose, t_s: float) -> Message:
     full, axes = np.zeros((6, 6)), (0, 1, 2, 5)
     turned = np.diag([1.0, -1.0, -1.0, -1.0])  # forward, left, up, counterclockwise
     full[np.ix_(axes, axes)] = turned @ told_covariance(pose.covariance) @ turned
-    full += np.diag([_LEAST_STD_M**2] * 3 + [_LEVEL_STD_RAD**2] * 2 + [_LEAST_STD_RAD**2])
+    full += np.diag([LEAST_STD_M**2] * 3 + [LEVEL_STD_RAD**2] * 2 + [LEAST_STD_RAD**2])
     return message(
         "geometry_msgs/msg/PoseWithCovarianceStamped",
         header=header(t_s, CUE),

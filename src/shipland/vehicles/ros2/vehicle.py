@@ -139,7 +139,7 @@ class Ros2Vehicle(SetpointVehicle):
                 self._hold()
         called = self._setup.wait and self._heard.land  # who called waits for an answer
         if self._telling is not None and (self._engaged or called):
-            words = self.end_reason or "the vehicle was not given to us"
+            words = self.end_reason or self._failure or "the vehicle was not given to us"
             self._telling.state("", words, time.monotonic())
             self._telling.ended(words)
 
@@ -195,8 +195,10 @@ class Ros2Vehicle(SetpointVehicle):
         heard.landing = newest is not None and newest.intent is Intent.LAND
         self._let_motors_stop(newest is not None and heard.landing and newest.at_contact_height)
         self._set_point(wanted, step_s)
-        if newest is not None and self._turns_camera(newest.gimbal_pitch_rad, now_s):
-            self._mount.send(gimbal_message(GimbalAttitude(0.0, newest.gimbal_pitch_rad), time.time()))
+        self._aim(newest, now_s)
+
+    def _turn_camera(self, pitch_rad: float) -> None:
+        self._mount.send(gimbal_message(GimbalAttitude(0.0, pitch_rad), time.time()))
 
     def _hold(self) -> None:
         """To end with, while nobody else flies."""
