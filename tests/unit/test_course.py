@@ -40,10 +40,10 @@ def test_derivatives_are_those_of_the_values(kind: str) -> None:
 @pytest.mark.parametrize("kind", ["s", "turn90", "random", "varying"])
 def test_nothing_jumps_along_the_way(kind: str) -> None:
     way = course(kind=kind, speed_mps=4.5)
-    times_s = np.arange(0.0, 150.0, 0.01)
-    velocity = np.array([way.at(t).velocity_in_ned_mps for t in times_s])
-    acceleration = np.array([way.at(t).acceleration_in_ned_mps2 for t in times_s])
-    position = np.array([way.at(t).position_in_ned_m for t in times_s])
+    states = [way.at(t_s) for t_s in np.arange(0.0, 150.0, 0.01)]
+    velocity = np.array([state.velocity_in_ned_mps for state in states])
+    acceleration = np.array([state.acceleration_in_ned_mps2 for state in states])
+    position = np.array([state.position_in_ned_m for state in states])
     assert np.abs(np.diff(position, axis=0)).max() <= 4.5 * 0.01 + 1e-9
     assert np.abs(np.diff(velocity, axis=0)).max() < 0.05
     assert np.abs(np.diff(acceleration, axis=0)).max() < 0.1
