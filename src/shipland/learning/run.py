@@ -96,9 +96,8 @@ class Run:
 
     def autocast(self) -> contextlib.AbstractContextManager[object]:
         """Arithmetic in bf16, or as it stands."""
-        if not self.parameters.bf16:
-            return contextlib.nullcontext()
-        return torch.autocast(self.device.type, dtype=torch.bfloat16)
+        bf16 = self.parameters.bf16
+        return torch.autocast(self.device.type, dtype=torch.bfloat16) if bf16 else contextlib.nullcontext()
 
 
 def learning_rate(step: int, done: float, parameters: TrainParameters) -> float:
