@@ -85,7 +85,7 @@ def test_a_known_camera_comes_out_again(charuco, tmp_path):
     out = tmp_path / "camera.yaml"
     result = calibrate((tmp_path / "views",), Board("9x6", SQUARE_M, charuco), out)
     camera = Camera.from_opencv_yaml(out)
-    assert len(result.views) == len(VIEWS)
+    assert len(result.used) == len(VIEWS)
     assert abs(camera.focal_px / CAMERA.focal_px - 1.0) < 0.005
     points = np.array([[x, y, 1.0] for x in (-0.45, 0.0, 0.45) for y in (-0.3, 0.0, 0.3)])
     # All over the picture; the principal point trades with the views' tilts, a pixel is what six views leave.
@@ -103,10 +103,11 @@ def test_a_bent_board_and_a_picture_without_one_are_left_out_with_the_reason(tmp
     (tmp_path / "empty.png").write_bytes(b"")
     cv2.imwrite(str(tmp_path / "other.png"), cv2.resize(photograph(texture, (0.2, -0.2, 0.0)), (1280, 960)))
     result = calibrate((tmp_path,), Board("9x6", SQUARE_M), tmp_path / "camera.yaml")
-    reasons = {Path(item.file).stem: item.left_out for item in result.pictures}
+    reasons = {item.path.stem: item.left_out for item in result.pictures}
     assert "median" in reasons["bent"]
-    assert reasons["grey"] == "left out: no board found"
-    assert reasons["empty"].startswith("left out: ") and "empty.png is not a whole picture" in reasons["empty"]
+    assert reasons["grey"] == "no board found"
+    assert "empty.png is not a whole picture" in reasons["empty"]
+    assert "left out: no board found" in result.to_text()
     assert "1280 × 960" in reasons["other"]
     assert not any(reasons[str(index)] for index in range(len(VIEWS)))
     assert abs(result.camera.focal_px / CAMERA.focal_px - 1.0) < 0.005
@@ -135,6 +136,15 @@ def test_bad_input_ends_in_words(changes, words, tmp_path):
     with pytest.raises(DataError, match=words):
         calibrate(paths, Board(**board), out)
     assert not (tmp_path / "camera.yaml").exists()
+
+
+@pytest.mark.parametrize("name", ["0.yaml", "camera.png"])
+def test_the_coverage_picture_overwrites_neither_a_picture_nor_the_calibration(name, tmp_path):
+    write_views(tmp_path)
+    before = (tmp_path / "0.png").read_bytes()
+    with pytest.raises(DataError, match="would overwrite"):
+        calibrate((tmp_path,), Board("9x6", SQUARE_M), tmp_path / name)
+    assert (tmp_path / "0.png").read_bytes() == before
 
 
 def test_a_broken_picture_hides_no_advice(tmp_path):
@@ -173,7 +183,7 @@ def test_photographed_boards(tmp_path):
     result = calibrate((PHOTOGRAPHS,), Board("10x10", 0.0254), tmp_path / "camera.yaml")
     assert 705.0 <= result.camera.focal_px <= 715.0  # px, what others found
     assert result.rms_px < 0.5
-    assert len(result.views) >= 12
+    assert len(result.used) >= 12
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ from shipland.environments.flight_env import SteppedFlight  # noqa: E402
 from shipland.environments.landing import LandingEnv, observation_space  # noqa: E402
 from shipland.guidance.pilot import horizon  # noqa: E402
 from shipland.record.observations import OLDEST_S, Observer  # noqa: E402
+from shipland.safety.assurance import Safety  # noqa: E402
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 ZERO = np.zeros(4, np.float32)
@@ -93,14 +94,23 @@ FAULTS = {
 }
 
 
-def test_a_stepped_flight_is_the_flight_of_the_loop_whatever_fails():
+def test_a_stepped_flight_is_the_flight_of_the_loop_whatever_fails(monkeypatch):
+    check = Safety.check
+
+    def failing(safety, decision, observation, telemetry, *override):
+        if 7.5 < telemetry.t_s < 7.7:
+            raise ZeroDivisionError
+        return check(safety, decision, observation, telemetry, *override)
+
+    monkeypatch.setattr(Safety, "check", failing)
     scenario = load_scenario("near", **FAULTS)
     records = shipland.fly(scenario, seed=3).records
     flight = SteppedFlight(scenario, horizon, "geometric", 3)
     for record in records:
         cycle = flight.advance()
         assert cycle.telemetry.t_s == record.telemetry.t_s
-        assert flight.decide(cycle).command == record.decision.command
+        decision = flight.decide(cycle)
+        assert (decision.command, decision.reason) == (record.decision.command, record.decision.reason)
     flight.close()
     assert len(records) > 200
 

@@ -144,6 +144,16 @@ def test_the_lean_of_a_vehicle_that_flies_speeds_is_found() -> None:
     assert "tilt" in found.table()
 
 
+def test_tilts_and_speeds_that_were_never_told_together_leave_the_loop_out() -> None:
+    rows = []
+    for row in flown_by_speed():
+        half = {"roll_rad": None, "pitch_rad": None} if row.telemetry.t_s > 20.0 else {"velocity_in_level_mps": None}
+        rows.append(replace(row, telemetry=replace(row.telemetry, **half)))
+    found = identify(rows)
+    assert found.kind == "velocity"
+    assert found.loop is None
+
+
 def test_what_is_found_goes_through_the_door(tmp_path: Path) -> None:
     path = tmp_path / "vehicle.toml"
     found = identify(list(flown("attitude")))

@@ -87,7 +87,7 @@ def test_a_first_actor_flies_as_the_pilot_alone(train, kind, tmp_path):
     assert np.abs(found - expected).max() < (1e-9 if kind == "residual" else 0.15)
 
 
-def test_a_stopped_run_exports_its_policy_and_goes_on_with_all_it_has_learned(train, tmp_path, monkeypatch):
+def test_a_stopped_run_exports_its_policy_and_goes_on_with_all_it_has_learned(train, tmp_path, monkeypatch, capsys):
     from stable_baselines3 import TD3
 
     learn, calls = TD3.learn, 0
@@ -114,6 +114,7 @@ def test_a_stopped_run_exports_its_policy_and_goes_on_with_all_it_has_learned(tr
         learned(train, asked(tmp_path, resume=True, seed=2))
     learned(train, asked(tmp_path, resume=True))
     assert "80 steps" in (tmp_path / "model-card.md").read_text()
+    assert "training: 4 of 4" in capsys.readouterr().err  # with those before it was stopped
 
 
 def test_what_does_no_better_than_the_pilot_alone_is_not_exported(train, tmp_path, monkeypatch):

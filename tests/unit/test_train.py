@@ -33,6 +33,7 @@ from shipland.learning.loss import (  # noqa: E402
 )
 from shipland.learning.metrics import Tally, match  # noqa: E402
 from shipland.learning.settings import LossParameters, TrainParameters, train_parameters  # noqa: E402
+from shipland.learning.split import Split  # noqa: E402
 from shipland.learning.windows import _NOTHING, ResidentWindows, Windows, _asked_for, _clipped, colour  # noqa: E402
 from shipland.learning.yolov3 import yolov3_layers  # noqa: E402
 from shipland.vision.far.decode import Decoding, DetectorSpec, decode  # noqa: E402
@@ -222,11 +223,11 @@ def test_training_learns(squares, tmp_path):
     wanted = arguments(squares, tmp_path / "run", 24)
     parameters, dataset = training._parameters(wanted), read_dataset(squares)
     torch.set_num_threads(1)
-    run = training._start(wanted, parameters, dataset)
+    run = training._start(wanted, parameters, Split(dataset, dataset, ""))
     batch = Windows(dataset, parameters, run.device).draw([], np.random.default_rng(1))
     losses = []
     for step in range(24):
-        losses.append(float(running.step(run, parameters, *batch, 0.0).sum()))
+        losses.append(float(running.step(run, *batch, 0.0).sum()))
         run.progress.step = step + 1
     assert losses[-1] < losses[0] / 3.0
 
@@ -379,7 +380,7 @@ def test_a_run_stopped_between_its_checkpoints_keeps_the_best(squares, tmp_path,
     scores = {5: 0.1, 10: 0.9, 15: 0.2}
     save, saved = running.Run.save, []
 
-    def judged(run, *_):
+    def judged(run):
         return SimpleNamespace(average_precision=lambda: scores[run.progress.step], recall=lambda _: 0.0)
 
     def stopping(run, path):
@@ -422,16 +423,16 @@ def test_resumed_run_equals_one_in_a_piece(squares, tmp_path, monkeypatch):
     """Cut off after five steps and resumed to ten: every tensor as in a run of ten, bit for bit."""
     training.train(arguments(squares, tmp_path / "whole", 10))
     cut = tmp_path / "cut"
-    write = running.write_detector
+    write = running.Run.write_detector
 
-    def stop(*rest):
-        write(*rest)
+    def stop(run):
+        write(run)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(running, "write_detector", stop)
+    monkeypatch.setattr(running.Run, "write_detector", stop)
     with pytest.raises(KeyboardInterrupt):
         training.train(arguments(squares, cut, 10))
-    monkeypatch.setattr(running, "write_detector", write)
+    monkeypatch.setattr(running.Run, "write_detector", write)
     assert load_reader(cut / "detector.onnx", "onnxruntime", "fp32", 1).note.startswith("shipland train, step 5")
     assert (cut / "curves.png").is_file()
     with pytest.raises(DataError, match="--resume"):
@@ -484,22 +485,23 @@ def test_a_detectors_file_is_a_start(squares, tmp_path):
     wanted = arguments(squares, tmp_path / "run", 5, weights=file)
     parameters, dataset = training._parameters(wanted), read_dataset(squares)
     assert parameters.freeze_norm
-    run = training._start(wanted, parameters, dataset)
+    parameters, parts = replace(parameters, bf16=False), Split(dataset, dataset, "")
+    run = training._start(wanted, parameters, parts)
     picture = np.random.default_rng(4).integers(0, 256, (64, 64, 3), dtype=np.uint8)
-    ours = run.maps_of([picture], bf16=False)[0]
+    ours = run.maps_of([picture])[0]
     for mine, theirs in zip(ours, load_reader(file, "onnxruntime", "fp32", 1).network.run(picture), strict=True):
         np.testing.assert_allclose(mine, theirs, atol=2e-3 * np.abs(theirs).max())
     before = [norm.running_mean.clone() for norm in run.network.modules() if isinstance(norm, torch.nn.BatchNorm2d)]
     windows = Windows(dataset, parameters, run.device)
-    running.step(run, parameters, *windows.draw([], np.random.default_rng(1)), 0.0)
+    running.step(run, *windows.draw([], np.random.default_rng(1)), 0.0)
     after = [norm.running_mean for norm in run.network.modules() if isinstance(norm, torch.nn.BatchNorm2d)]
     assert all(torch.equal(one, two) for one, two in zip(before, after, strict=True))
     with pytest.raises(DataError, match="of another width"):
-        training._start(replace(wanted, width=0.25), parameters, dataset)
+        training._start(replace(wanted, width=0.25), parameters, parts)
     file.write_bytes(b"not a network")
     (file.parent / "SHA256SUMS").unlink()  # with it the file is damaged, which is said first
     with pytest.raises(DataError, match=r"detector\.onnx is no ONNX network"):
-        training._start(wanted, parameters, dataset)
+        training._start(wanted, parameters, parts)
 
 
 def test_start_from_weights_of_another_shape_is_refused(squares, tmp_path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from shipland.errors import DataError
 from shipland.files import write_atomically
@@ -31,9 +31,7 @@ class Train(TrainArguments):
         trained = train(self)
         settings, parts = detector_parameters(self.config), trained.parts
         tally = Tally(trained.parameters.match_iou)
-        step = -(-len(parts.held_out.samples) // trained.parameters.validation_pictures)
-        shown = replace(parts.held_out, samples=parts.held_out.samples[::step])
-        looks = list(looks_at(Detector.load(str(trained.detector), settings), shown, [tally]))
+        looks = list(looks_at(Detector.load(str(trained.detector), settings), trained.validation, [tally]))
         least = settings.acquire_confidence
         summary = (
             f"{len(looks)} of the pictures held out ({parts.how}): average precision {tally.average_precision():.3f}, "

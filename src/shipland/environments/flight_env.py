@@ -23,7 +23,7 @@ from shipland.config import unknown_key
 from shipland.environments.actions import ActionPilot
 from shipland.errors import ConfigError
 from shipland.factories import Factory
-from shipland.flight import Cycle, FlightResult, cycles, decide_or_degrade
+from shipland.flight import Cycle, FlightResult, check_or_hold, cycles, decide_or_degrade
 from shipland.guidance.pilot import PilotSetup
 from shipland.messages import Decision, Frame, Observation, PilotCommand, Telemetry
 from shipland.report.views import FlightViews
@@ -54,9 +54,9 @@ class SteppedFlight:
             self.simulated = build_vehicle(scenario, seed, scene)
             autonomy = build_autonomy(scenario, self.simulated, pilot, vision, seed)
             self._vehicle, self._autonomy = with_faults(scenario, self.simulated, autonomy, seed)
-            undecided = replace(self._autonomy, pilot=_Undecided(), safety=_Unchecked(self._autonomy.safety))
+            undecided = _Undecided(self._autonomy.safety)
             self._unsent = _Unsent(self._vehicle)
-            flight = cycles(self._unsent, undecided, time.perf_counter)
+            flight = cycles(self._unsent, replace(self._autonomy, pilot=undecided, safety=undecided), time.perf_counter)
             self._cycles = stack.enter_context(closing(flight))
             self._stack = stack.pop_all()
         self.sent: PilotCommand | None = None
@@ -69,7 +69,8 @@ class SteppedFlight:
     def decide(self, cycle: Cycle) -> Decision:
         """The pilot's decision on the cycle that `advance` gave last, its command checked by the safety and sent."""
         decision = decide_or_degrade(self._autonomy, cycle.observation, cycle.telemetry, self.sent)
-        decision = self._autonomy.safety.check(decision, cycle.observation, cycle.telemetry)
+        decision = check_or_hold(self._autonomy, decision, cycle.observation, cycle.telemetry)
+        decision = replace(decision, reason=decision.reason + cycle.decision.reason)  # what the loop says of its cycle
         self.sent = decision.command
         ahead_s = self._unsent.due_s - cycle.telemetry.t_s  # what the vehicle's clock has leapt
         self._vehicle.send(replace(self.sent, t_s=self.sent.t_s + ahead_s))
@@ -106,18 +107,14 @@ class _Unsent:
         self._vehicle.close()
 
 
-class _Undecided:
-    """A pilot in whose place the caller decides."""
-
-    def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:  # noqa: ARG002
-        return Decision(PilotCommand.hold(telemetry.t_s, 0.0), None, "")
-
-
-class _Unchecked(Safety):
-    """Lets placeholders pass; the flight's own safety admits what is seen and checks what is sent."""
+class _Undecided(Safety):
+    """Pilot and safety in whose place the caller decides and checks; the flight's own safety admits what is seen."""
 
     def __init__(self, safety: Safety) -> None:  # without a state of its own
         self._safety = safety
+
+    def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:  # noqa: ARG002
+        return Decision(PilotCommand.hold(telemetry.t_s, 0.0), None, "")
 
     def admitted(self, observation: Observation, telemetry: Telemetry) -> Observation:
         return self._safety.admitted(observation, telemetry)

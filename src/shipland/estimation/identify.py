@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 
 from shipland.errors import DataError
 from shipland.frames import GRAVITY_MPS2, Array
-from shipland.messages import FlightRecord, Intent
+from shipland.messages import FlightRecord, Intent, Telemetry
 
 LEAST_STICK_PERCENT = 3.0
 """Standard deviation of a stick below which its axis is left out."""
@@ -31,7 +31,7 @@ REVERSED_EXPLAINED, REVERSED_WAYS = 0.6, 0.1
 released sticks hold against wind, which a stick to one side alone looks the reverse of."""
 _STEP_S = 0.01
 _LEAST_ROWS = 50
-_Axis = TypeVar("_Axis", "FirstOrder", "SpeedLoop")
+_Axis = TypeVar("_Axis", bound="FirstOrder")
 
 
 @dataclass(frozen=True)
@@ -52,22 +52,14 @@ class FirstOrder:
 
 
 @dataclass(frozen=True)
-class SpeedLoop:
-    """How a vehicle that flies speeds tilts for them.
+class SpeedLoop(FirstOrder):
+    """How a vehicle that flies speeds tilts for them: `full` is a speed [m/s], the rest is of the tilt.
 
     Attributes:
-        full: speed at full stick [m/s].
         servo_per_s: from the speed's error to acceleration.
-        lag_s: time constant of the tilt.
-        delay_s: from the command's being ready to the first reaction.
-        explained: share of the tilt's variance that it explains.
     """
 
-    full: float
     servo_per_s: float
-    lag_s: float
-    delay_s: float
-    explained: float
 
 
 @dataclass(frozen=True)
@@ -97,7 +89,7 @@ class Identified:
             uplink_s: part of the delay that is the link's.
         """
         lines = [f"[response.{self.kind}]"]
-        level: FirstOrder | SpeedLoop | None = self.loop or self.level
+        level = self.loop or self.level
         if level is not None:
             name = "max_tilt_rad" if self.kind == "attitude" else "max_speed_mps"
             lines += [f"{name} = {level.full:.4f}"]
@@ -155,9 +147,13 @@ def identify(records: Sequence[FlightRecord]) -> Identified:
         0.01 * np.array([getattr(command, f"{name}_percent") for command in commands])
         for name in ("pitch", "roll", "heave", "yaw")
     )
-    velocity_s, velocity = _velocity(rows)
-    tilt_s, tilt = _tilt(rows)
-    heading_s, heading_rad = _heading(rows)
+    told = [row.telemetry for row in rows]
+    velocities = [each.velocity_in_level_mps for each in told]
+    unknown = np.full(3, np.nan)
+    velocity_s, velocity = _series(told, "velocity_t_s", [unknown if each is None else each for each in velocities])
+    tilt_s, tilt = _series(told, "attitude_t_s", [(each.roll_rad, each.pitch_rad) for each in told])
+    heading_s, heading_rad = _series(told, "heading_t_s", [each.heading_rad for each in told])
+    heading_rad = np.unwrap(heading_rad)  # not its rate: that would drown in the readings' noise
     fits = {
         "pitch": (_fit(sent_s, pitch, tilt_s, -tilt[:, 1]), _fit(sent_s, pitch, velocity_s, velocity[:, 0])),
         "roll": (_fit(sent_s, roll, tilt_s, tilt[:, 0]), _fit(sent_s, roll, velocity_s, velocity[:, 1])),
@@ -192,21 +188,20 @@ def _speed_loop(
     """
     if min(len(tilt_s), len(velocity_s)) < _LEAST_ROWS or 100.0 * float(np.std(stick)) < LEAST_STICK_PERCENT:
         return None
-    grid_s = np.arange(max(sent_s[0], tilt_s[0], velocity_s[0]), min(sent_s[-1], tilt_s[-1], velocity_s[-1]), _STEP_S)
-    held = stick[np.clip(np.searchsorted(sent_s, grid_s, side="right") - 1, 0, len(stick) - 1)]
+    begin_s = max(sent_s[0], tilt_s[0], velocity_s[0])
+    grid_s = np.arange(begin_s, min(sent_s[-1], tilt_s[-1], velocity_s[-1]), _STEP_S)
+    held = _held(sent_s, stick, grid_s)
     push = GRAVITY_MPS2 * np.tan(np.interp(grid_s, tilt_s, tilt_rad))
     speed = np.interp(grid_s, velocity_s, speed_mps)
-    inside = grid_s > grid_s[0] + 1.0
-    spread = float(np.var(push[inside])) if inside.any() else 0.0
-    if spread <= 0.0:
+    inside = grid_s > begin_s + 1.0
+    if not inside.any() or np.var(push[inside]) <= 0.0:
         return None
 
     def solved(full: float, lag_s: float, delay_s: float) -> tuple[float, float]:
         """Gain, and the share of variance left; the error's sum makes up for a steady wind."""
         error = full * np.interp(grid_s - delay_s, grid_s, held) - speed
         basis = np.column_stack([_lagged(error, lag_s), np.cumsum(error) * _STEP_S, np.ones_like(error)])[inside]
-        found = np.linalg.lstsq(basis, push[inside], rcond=None)[0]
-        return float(found[0]), float(np.mean((basis @ found - push[inside]) ** 2)) / spread
+        return _gain(basis, push[inside])
 
     def left_over(x: Array) -> float:
         return solved(abs(float(x[0])), *_bounded(x[1:]))[1]
@@ -217,7 +212,7 @@ def _speed_loop(
     servo_per_s, left = solved(full, lag_s, delay_s)
     if servo_per_s <= 0.0 or 1.0 - left < LEAST_EXPLAINED:
         return None
-    return SpeedLoop(full, servo_per_s, lag_s, delay_s, 1.0 - left)
+    return SpeedLoop(full, lag_s, delay_s, 1.0 - left, servo_per_s)
 
 
 def _fit(sent_s: Array, stick: Array, t_s: Array, values: Array, summed: bool = False) -> FirstOrder | None:
@@ -228,11 +223,10 @@ def _fit(sent_s: Array, stick: Array, t_s: Array, values: Array, summed: bool = 
     if len(t_s) < _LEAST_ROWS or 100.0 * float(np.std(stick)) < LEAST_STICK_PERCENT:
         return None
     grid_s = np.arange(sent_s[0], sent_s[-1] + _STEP_S, _STEP_S)
-    held = stick[np.clip(np.searchsorted(sent_s, grid_s, side="right") - 1, 0, len(stick) - 1)]
+    held = _held(sent_s, stick, grid_s)
     inside = (t_s > sent_s[0] + 1.0) & (t_s < sent_s[-1])
     t_s, values = t_s[inside], values[inside]
-    spread = float(np.var(values)) if len(values) else 0.0
-    if spread <= 0.0:
+    if not len(values) or np.var(values) <= 0.0:
         return None
 
     def solved(lag_s: float, delay_s: float) -> tuple[float, float]:
@@ -240,8 +234,7 @@ def _fit(sent_s: Array, stick: Array, t_s: Array, values: Array, summed: bool = 
         followed = _lagged(held, lag_s)
         answer = np.interp(t_s - delay_s, grid_s, np.cumsum(followed) * _STEP_S if summed else followed)
         basis = np.column_stack([answer, np.ones_like(answer)])
-        found = np.linalg.lstsq(basis, values, rcond=None)[0]
-        return float(found[0]), float(np.mean((basis @ found - values) ** 2)) / spread
+        return _gain(basis, values)
 
     starts = [(lag_s, delay_s) for lag_s in (0.1, 0.4, 1.5) for delay_s in (0.05, 0.3)]
     begin = np.array(min(starts, key=lambda pair: solved(*pair)[1]))
@@ -257,6 +250,17 @@ def _fit(sent_s: Array, stick: Array, t_s: Array, values: Array, summed: bool = 
     if 1.0 - left < (LEAST_EXPLAINED if full > 0.0 else REVERSED_EXPLAINED):
         return None
     return FirstOrder(full, lag_s, delay_s, 1.0 - left)
+
+
+def _held(sent_s: Array, stick: Array, times_s: Array) -> Array:
+    """The stick (m,) that is in force at times (n,): each sent one is held until the next."""
+    return stick[np.clip(np.searchsorted(sent_s, times_s, side="right") - 1, 0, len(stick) - 1)]
+
+
+def _gain(basis: Array, wanted: Array) -> tuple[float, float]:
+    """Least squares: what the first column of a basis (n,k) is multiplied by, and the share of variance left."""
+    found = np.linalg.lstsq(basis, wanted, rcond=None)[0]
+    return float(found[0]), float(np.mean((basis @ found - wanted) ** 2)) / float(np.var(wanted))
 
 
 def _bounded(x: Array) -> tuple[float, float]:
@@ -282,39 +286,18 @@ def _best(found: Sequence[_Axis | None]) -> _Axis | None:
     return type(known[0])(*mean)
 
 
-def _changes(times_s: Array, values: Array) -> tuple[Array, Array]:
-    """Rows whose time is after the one before: telemetry comes less often than cycles."""
-    known = np.isfinite(times_s) & np.isfinite(values).reshape(len(values), -1).all(axis=1)
-    times_s, values = times_s[known], values[known]
-    new = np.concatenate([[True], np.diff(np.maximum.accumulate(times_s)) > 0.0]) if len(times_s) else np.zeros(0, bool)
-    return times_s[new], values[new]
+def _series(told: Sequence[Telemetry], stamp: str, values: Sequence[object]) -> tuple[Array, Array]:
+    """Times (n,) and values (n,) or (n,k) of telemetry, None for unknown: where it is new and whole.
 
-
-def _velocity(rows: list[FlightRecord]) -> tuple[Array, Array]:
-    """Times and forward-right-down velocities of telemetry."""
-    nothing = np.full(3, np.nan)
-    times_s = np.array([_time(row.telemetry.velocity_t_s, row.telemetry.t_s) for row in rows])
-    velocity = [row.telemetry.velocity_in_level_mps for row in rows]
-    return _changes(times_s, np.array([nothing if value is None else value for value in velocity]))
-
-
-def _tilt(rows: list[FlightRecord]) -> tuple[Array, Array]:
-    """Times, and roll and pitch."""
-    times_s = np.array([_time(row.telemetry.attitude_t_s, row.telemetry.t_s) for row in rows])
-    angles = [(row.telemetry.roll_rad, row.telemetry.pitch_rad) for row in rows]
-    return _changes(times_s, np.array([[math.nan if angle is None else angle for angle in pair] for pair in angles]))
-
-
-def _heading(rows: list[FlightRecord]) -> tuple[Array, Array]:
-    """Times and headings, without jumps; a rate of noisy readings would drown in them."""
-    times_s = np.array([_time(row.telemetry.heading_t_s, row.telemetry.t_s) for row in rows])
-    headings = np.array([math.nan if row.telemetry.heading_rad is None else row.telemetry.heading_rad for row in rows])
-    times_s, headings = _changes(times_s, headings)
-    return times_s, np.unwrap(headings)
-
-
-def _time(part_s: float | None, all_s: float) -> float:
-    return all_s if part_s is None else part_s
+    Telemetry comes less often than cycles. `stamp` names the time of these values; it defaults to the whole's.
+    """
+    stamps_s = [getattr(each, stamp) for each in told]
+    times_s = np.array([each.t_s if at_s is None else at_s for each, at_s in zip(told, stamps_s, strict=True)])
+    table = np.array(values, dtype=float)
+    known = np.isfinite(times_s) & np.isfinite(table).reshape(len(told), -1).all(axis=1)
+    times_s, table = times_s[known], table[known]
+    new = np.diff(np.maximum.accumulate(times_s), prepend=-np.inf) > 0.0
+    return times_s[new], table[new]
 
 
 def _drag(tilt_s: Array, tilt: Array, velocity_s: Array, velocity: Array) -> float | None:

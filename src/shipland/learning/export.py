@@ -133,7 +133,8 @@ def read_onnx(path: Path, layers: Sequence[Layer]) -> tuple[list[ConvWeights], D
         kernel, bias = (numbers.get(f"l{index}_{part}") for part in ("kernel", "bias"))
         wanted = (conv.filters, entering, conv.size, conv.size)
         if kernel is None or bias is None or kernel.shape != wanted:
-            raise DataError(f"{path}: layer {index} is no convolution of {wanted}; is it of another width, or 8-bit?")
+            why = "is it of another width, of more or fewer classes, or 8-bit?"
+            raise DataError(f"{path}: layer {index} is no convolution of {wanted}; {why}")
         kernel, bias = kernel.astype(np.float32), bias.astype(np.float32)
         if not weights:
             kernel = kernel * np.float32(255.0)

@@ -7,8 +7,7 @@ import itertools
 import math
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,14 +16,16 @@ import torch
 from torch import Tensor
 
 from shipland.errors import DataError
+from shipland.learning.arguments import TrainArguments
 from shipland.learning.checkpoint import Progress, optimizer_tensors, save_checkpoint
 from shipland.learning.dataset import Dataset, Targets
+from shipland.learning.export import write_onnx
 from shipland.learning.looks import LEAST_CONFIDENCE
 from shipland.learning.loss import detection_loss
-from shipland.learning.metrics import Tally
-from shipland.learning.network import Network
-from shipland.learning.results import write_detector
+from shipland.learning.metrics import Tally, match
+from shipland.learning.network import Network, weights_of
 from shipland.learning.settings import TrainParameters
+from shipland.learning.split import Split
 from shipland.learning.windows import HardPoint, Windows, to_batch
 from shipland.vision.far.decode import DetectorSpec, Float32, decode, suppress
 from shipland.vision.far.detector import padded
@@ -41,14 +42,35 @@ LOOK_PIXELS = 8 * 1280 * 736
 
 @dataclass
 class Run:
-    """What changes from step to step."""
+    """A training run; `average`, the moving average of the network's weights, is evaluated and shipped."""
 
+    arguments: TrainArguments
+    parameters: TrainParameters
+    parts: Split
+    device: torch.device
     network: Network
     average: Network
     optimizer: torch.optim.Optimizer
     spec: DetectorSpec
     progress: Progress
-    device: torch.device
+
+    @property
+    def done(self) -> float:
+        """How much of the run is done, 0 … 1: by steps, or by time where that is scarcer."""
+        minutes = self.arguments.minutes
+        spent = self.progress.seconds / (60.0 * minutes) if minutes else 0.0
+        return min(max(self.progress.step / self.parameters.steps, spent), 1.0)
+
+    @property
+    def validation(self) -> Dataset:
+        """The held-out pictures that an evaluation looks at."""
+        samples = self.parts.held_out.samples
+        return replace(self.parts.held_out, samples=samples[:: -(-len(samples) // self.parameters.validation_pictures)])
+
+    @property
+    def detector(self) -> Path:
+        """The detector's file."""
+        return self.arguments.out / "detector.onnx"
 
     def save(self, path: Path) -> None:
         """Everything needed to go on."""
@@ -56,22 +78,26 @@ class Run:
         tensors["optimizer"] = optimizer_tensors(self.optimizer)
         save_checkpoint(path, tensors, self.spec, self.progress)
 
-    def maps_of(self, pictures: list[Picture], bf16: bool) -> list[list[Float32]]:
+    def write_detector(self) -> None:
+        """Write the average as the detector; its spec notes steps and pictures."""
+        write_onnx(self.detector, self.average.layers, weights_of(self.average), self.noted_spec)
+
+    @property
+    def noted_spec(self) -> DetectorSpec:
+        """The spec with a note of how many steps and pictures the detector was trained on."""
+        pictures = len(self.parts.fitting.samples)
+        return replace(self.spec, note=f"shipland train, step {self.progress.step}, {pictures} pictures")
+
+    def maps_of(self, pictures: list[Picture]) -> list[list[Float32]]:
         """Raw maps, finest scale first, that the average makes of pictures of one size."""
-        with torch.no_grad(), autocast(self.device, bf16):
+        with torch.no_grad(), self.autocast():
             maps = [item.float().cpu().numpy() for item in self.average(to_batch(pictures, self.device))]
         return [[item[index] for item in maps] for index in range(len(pictures))]
 
-
-def autocast(device: torch.device, bf16: bool) -> contextlib.AbstractContextManager[object]:
-    """Arithmetic in bf16, or as it stands."""
-    return torch.autocast(device.type, dtype=torch.bfloat16) if bf16 else contextlib.nullcontext()
-
-
-def through(progress: Progress, parameters: TrainParameters, minutes: float | None) -> float:
-    """How much of the run is done, 0 … 1: by steps, or by time where that is scarcer."""
-    spent = progress.seconds / (60.0 * minutes) if minutes else 0.0
-    return min(max(progress.step / parameters.steps, spent), 1.0)
+    def autocast(self) -> contextlib.AbstractContextManager[object]:
+        """Arithmetic in bf16, or as it stands."""
+        bf16 = self.parameters.bf16
+        return torch.autocast(self.device.type, dtype=torch.bfloat16) if bf16 else contextlib.nullcontext()
 
 
 def learning_rate(step: int, done: float, parameters: TrainParameters) -> float:
@@ -80,44 +106,34 @@ def learning_rate(step: int, done: float, parameters: TrainParameters) -> float:
     return parameters.learning_rate * warm * (0.02 + 0.49 * (1.0 + math.cos(math.pi * done)))
 
 
-def steps(
-    run: Run,
-    parameters: TrainParameters,
-    windows: Windows,
-    sets: tuple[Dataset, Dataset],
-    out: Path,
-    seed: int,
-    minutes: float | None = None,
-) -> Iterator[str]:
+def steps(run: Run, windows: Windows) -> Iterator[str]:
     """Train to the end, until the time is up, or until patience runs out; yields a note after every step.
 
-    `sets` are the pictures to train on and those held out; every draw is of `seed` and the step's number.
+    Every draw is of the run's seed and the step's number.
     """
-    fitting, held_out = sets
+    progress, parameters, seed = run.progress, run.parameters, run.arguments.seed
     recent: Floats | None = None
-    progress, part = run.progress, partial(through, run.progress, parameters, minutes)
     # Hard rounds are spread evenly over the run.
-    rounds = int(part() * (parameters.hard_rounds + 1))
-    while (done := part()) < 1.0:
+    rounds = int(run.done * (parameters.hard_rounds + 1))
+    while (done := run.done) < 1.0:
         began = time.monotonic()
         rng = np.random.default_rng([seed, progress.step])
-        parts = step(run, parameters, *windows.draw(progress.hard, rng), done)
+        parts = step(run, *windows.draw(progress.hard, rng), done)
         if not np.isfinite(parts).all():
-            raise DataError(f"training diverged at step {progress.step}: lower learning_rate; {out / LAST} is whole")
+            last = run.arguments.out / LAST
+            raise DataError(f"training diverged at step {progress.step}: lower learning_rate; {last} is whole")
         recent = parts if recent is None else 0.98 * recent + 0.02 * parts
         progress.step += 1
-        if progress.step % LOSS_EVERY == 0 or part() >= 1.0:
+        if progress.step % LOSS_EVERY == 0 or run.done >= 1.0:
             progress.losses.append((float(progress.step), *recent.tolist()))
         progress.seconds += time.monotonic() - began
-        if rounds < int(part() * (parameters.hard_rounds + 1)) <= parameters.hard_rounds:
-            began, rounds = time.monotonic(), int(part() * (parameters.hard_rounds + 1))
-            number = np.random.default_rng([seed, progress.step, 1])
-            progress.hard = mine(run, parameters, windows, len(fitting.samples), number)
+        if rounds < int(run.done * (parameters.hard_rounds + 1)) <= parameters.hard_rounds:
+            began, rounds = time.monotonic(), int(run.done * (parameters.hard_rounds + 1))
+            progress.hard = mine(run, windows, np.random.default_rng([seed, progress.step, 1]))
             progress.seconds += time.monotonic() - began
-        if progress.step % parameters.evaluate_every == 0 or part() >= 1.0:
+        if progress.step % parameters.evaluate_every == 0 or run.done >= 1.0:
             began = time.monotonic()
-            if _evaluate(run, parameters, held_out, recent, done, out):
-                write_detector(out, run.average, run.spec, progress.step, len(fitting.samples))
+            _evaluate(run, recent, done)
             if progress.since_best >= parameters.patience:
                 yield "stopped early"
                 return
@@ -127,12 +143,13 @@ def steps(
         )
 
 
-def step(run: Run, parameters: TrainParameters, pictures: Tensor, targets: Tensor, done: float) -> Floats:
+def step(run: Run, pictures: Tensor, targets: Tensor, done: float) -> Floats:
     """One step of the optimiser and of the average; the loss's parts."""
+    parameters = run.parameters
     for group in run.optimizer.param_groups:
         group["lr"] = learning_rate(run.progress.step, done, parameters)
     run.network.train(not parameters.freeze_norm)  # nothing but the normalisation tells the two apart
-    with autocast(run.device, parameters.bf16):
+    with run.autocast():
         maps = run.network(pictures)
     total, parts = detection_loss(maps, targets, run.spec, parameters.loss)
     run.optimizer.zero_grad(set_to_none=True)
@@ -151,29 +168,25 @@ def step(run: Run, parameters: TrainParameters, pictures: Tensor, targets: Tenso
     return np.asarray(parts.cpu().numpy(), np.float64)
 
 
-def look(
-    run: Run, parameters: TrainParameters, pictures: Iterable[tuple[Picture, Targets]]
-) -> Iterator[tuple[Float32, Float32, Targets]]:
+def look(run: Run, pictures: Iterable[tuple[Picture, Targets]]) -> Iterator[tuple[Float32, Float32, Targets]]:
     """Boxes (n,4), their confidences (n,) and the targets of pictures, in order; those of one size go in batches."""
     for (height, width, _), same in itertools.groupby(pictures, lambda pair: pair[0].shape):
         while batch := list(itertools.islice(same, max(LOOK_PIXELS // (height * width), 1))):
-            found = run.maps_of([padded(picture) for picture, _ in batch], parameters.bf16)
+            found = run.maps_of([padded(picture) for picture, _ in batch])
             for maps, (_, targets) in zip(found, batch, strict=True):
                 boxes, scores, _ = suppress(*decode(maps, run.spec, LEAST_CONFIDENCE), MAX_IOU, merge=True)
                 yield boxes, scores, targets
 
 
-def mine(
-    run: Run, parameters: TrainParameters, windows: Windows, count: int, rng: np.random.Generator
-) -> list[HardPoint]:
+def mine(run: Run, windows: Windows, rng: np.random.Generator) -> list[HardPoint]:
     """Places that fool the detector most: sure boxes where there is nothing, and targets that it misses."""
+    parameters, count = run.parameters, len(windows.dataset.samples)
     # In the set's order: pictures of one size lie together.
     chosen = np.sort(rng.choice(count, size=min(parameters.mine_pictures, count), replace=False)).tolist()
     found: list[tuple[float, HardPoint]] = []
-    looked = look(run, parameters, map(windows.load, chosen))
+    looked = look(run, map(windows.load, chosen))
     for index, (boxes, scores, targets) in zip(chosen, looked, strict=True):
-        tally = Tally(parameters.match_iou)
-        verdict = tally.add(boxes, scores, targets)
+        verdict = match(boxes, scores, targets, parameters.match_iou)
         for box, score in zip(boxes[verdict == -1], scores[verdict == -1], strict=True):
             found.append((float(score), (index, float(box[0]), float(box[1]))))
         for number, target in enumerate(targets):
@@ -184,20 +197,19 @@ def mine(
     return [point for score, point in worst if score > 0.1]
 
 
-def validate(run: Run, parameters: TrainParameters, held_out: Dataset) -> Tally:
+def validate(run: Run) -> Tally:
     """Tally over held-out pictures at their own size (or fitted to the window, as in training)."""
-    tally = Tally(parameters.match_iou)
-    samples = held_out.samples[:: -(-len(held_out.samples) // parameters.validation_pictures)]
-    for boxes, scores, targets in look(run, parameters, (sample.load(parameters.fit_px) for sample in samples)):
-        tally.add(boxes, scores, targets)
+    tally = Tally(run.parameters.match_iou)
+    for looked in look(run, (sample.load(run.parameters.fit_px) for sample in run.validation.samples)):
+        tally.add(*looked)
     return tally
 
 
-def _evaluate(run: Run, parameters: TrainParameters, held_out: Dataset, recent: Floats, done: float, out: Path) -> bool:
-    """Validate and save; whether this is the best so far."""
-    tally = validate(run, parameters, held_out)
+def _evaluate(run: Run, recent: Floats, done: float) -> None:
+    """Validate and save; the best so far is written as the detector too."""
+    tally = validate(run)
     score = tally.average_precision()
-    progress, rate = run.progress, learning_rate(run.progress.step - 1, done, parameters)
+    progress, rate = run.progress, learning_rate(run.progress.step - 1, done, run.parameters)
     losses = dict(zip(("box_loss", "objectness_loss", "class_loss"), recent.tolist(), strict=True))
     scores = {"average_precision": score, "recall": tally.recall(0.5), "learning_rate": rate}
     row = {"step": float(progress.step)} | losses | scores | {"hard_places": float(len(progress.hard))}
@@ -205,6 +217,7 @@ def _evaluate(run: Run, parameters: TrainParameters, held_out: Dataset, recent: 
     better = score > progress.best
     progress.best, progress.since_best = (score, 0) if better else (progress.best, progress.since_best + 1)
     if better:
-        run.save(out / BEST)
-    run.save(out / LAST)  # after the best, or a run stopped in between would believe that it has it
-    return better
+        run.save(run.arguments.out / BEST)
+    run.save(run.arguments.out / LAST)  # after the best, or a run stopped in between would believe that it has it
+    if better:
+        run.write_detector()

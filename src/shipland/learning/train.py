@@ -11,7 +11,6 @@ import hashlib
 import os
 import sys
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -31,10 +30,10 @@ from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.export import read_onnx
 from shipland.learning.loss import Anchors, fit_anchors
 from shipland.learning.network import Network, load_weights
-from shipland.learning.results import CURVES, DETECTOR, Trained, plot_curves, write_results
-from shipland.learning.run import BEST, LAST, Run, steps, through
+from shipland.learning.results import plot_curves, write_results
+from shipland.learning.run import BEST, LAST, Run, steps
 from shipland.learning.settings import TrainParameters, train_parameters
-from shipland.learning.split import split
+from shipland.learning.split import Split, split
 from shipland.learning.windows import ResidentWindows, Windows, decoded_bytes
 from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, read_weights, yolov3_layers
 from shipland.progress import followed
@@ -50,8 +49,10 @@ MOST_OF_MEMORY = 0.6
 """How much of a GPU's free memory a set may take."""
 
 
-def train(arguments: TrainArguments) -> Trained:
+def train(arguments: TrainArguments) -> Run:
     """Train, evaluate, export; `detector.onnx` is the best so far from the first evaluation on.
+
+    The run's average and progress are at the end those of its best evaluation.
 
     DataError or ConfigError where a data set, checkpoint, weights file or setting is wrong.
     """
@@ -62,34 +63,32 @@ def train(arguments: TrainArguments) -> Trained:
     dataset = _datasets(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
     parts = split(dataset, parameters.held_out, arguments.seed)
-    fitting, held_out = parts.fitting, parts.held_out
-    print(f"{len(held_out.samples)} of {len(dataset.samples)} pictures held out: {parts.how}", file=sys.stderr)
+    held_out = len(parts.held_out.samples)
+    print(f"{held_out} of {len(dataset.samples)} pictures held out: {parts.how}", file=sys.stderr)
     if parts.warning:
         print(f"WARNING: {parts.warning}. Trust `shipland evaluate --data` on another day's pictures.", file=sys.stderr)
-    run = _start(arguments, parameters, fitting)
-    windows = _windows(arguments, parameters, fitting, run.device)
+    run = _start(arguments, parameters, parts)
+    windows = _windows(run)
     if not isinstance(windows, ResidentWindows):
         for sample in followed(dataset.samples, "checking pictures", len(dataset.samples)):
             read_picture(sample.path)  # better now than in the middle of the run
-    work = steps(run, parameters, windows, (fitting, held_out), arguments.out, arguments.seed, arguments.minutes)
-    share = partial(through, run.progress, parameters, arguments.minutes)
+    work = steps(run, windows)
     try:
-        for _ in followed(work, "training step", parameters.steps, run.progress.step, share):
+        for _ in followed(work, "training step", parameters.steps, run.progress.step, lambda: run.done):
             pass
     finally:
-        plot_curves(arguments.out / CURVES, run.progress, parameters.match_iou)
-        if (arguments.out / DETECTOR).is_file():
-            print(f"best so far: {arguments.out / DETECTOR}", file=sys.stderr)
+        plot_curves(run)
+        if run.detector.is_file():
+            print(f"best so far: {run.detector}", file=sys.stderr)
     best = arguments.out / BEST
     if not best.is_file():
         run.save(best)
-    tensors, spec, progress = load_checkpoint(best)
-    network = _network(spec)
-    network.load_state_dict(tensors["average"])
-    save_checkpoint(arguments.out / AVERAGE, {"average": tensors["average"]}, spec, Progress(run=progress.run))
-    trained = Trained(arguments, parameters, network, spec, progress, parts)
-    write_results(trained)
-    return trained
+    tensors, _, run.progress = load_checkpoint(best)
+    average = tensors["average"]
+    run.average.load_state_dict(average)
+    save_checkpoint(arguments.out / AVERAGE, {"average": average}, run.spec, Progress(run=run.progress.run))
+    write_results(run)
+    return run
 
 
 def _parameters(arguments: TrainArguments) -> TrainParameters:
@@ -114,8 +113,9 @@ def _datasets(arguments: TrainArguments) -> Dataset:
     return Dataset(sets[0].folder, sets[0].classes, tuple(sample for item in sets for sample in item.samples))
 
 
-def _windows(arguments: TrainArguments, parameters: TrainParameters, fitting: Dataset, device: torch.device) -> Windows:
+def _windows(run: Run) -> Windows:
     """Windows from the device's memory where it is a GPU and has room, else from disk."""
+    arguments, parameters, fitting, device = run.arguments, run.parameters, run.parts.fitting, run.device
     resident = arguments.memory == "device"
     if arguments.memory == "auto" and device.type == "cuda":
         free, _ = torch.cuda.mem_get_info(device)
@@ -129,7 +129,7 @@ def _network(spec: DetectorSpec) -> Network:
     return Network(yolov3_layers(len(spec.classes), spec.width)).to(memory_format=torch.channels_last)  # type: ignore[no-any-return]
 
 
-def _start(arguments: TrainArguments, parameters: TrainParameters, fitting: Dataset) -> Run:
+def _start(arguments: TrainArguments, parameters: TrainParameters, parts: Split) -> Run:
     kind = arguments.device if arguments.device != "auto" else ("cuda" if torch.cuda.is_available() else "cpu")
     device = torch.device(kind)
     torch.manual_seed(arguments.seed)
@@ -137,12 +137,13 @@ def _start(arguments: TrainArguments, parameters: TrainParameters, fitting: Data
     last = arguments.out / LAST
     if last.exists() and not arguments.resume:
         raise DataError(f"{last} is there already: give --resume to go on with it, or another folder")
+    identity = _identity(arguments, parts.fitting)
     if arguments.resume:
         tensors, spec, progress = load_checkpoint(last)
-        check_resumable(last, progress.run, _identity(arguments, fitting))
+        check_resumable(last, progress.run, identity)
     else:
-        tensors, progress = {}, Progress(run=_identity(arguments, fitting))
-        spec = _spec(arguments, parameters, fitting)
+        tensors, progress = {}, Progress(run=identity)
+        spec = _spec(arguments, parameters, parts.fitting)
         if arguments.weights is not None:
             state, spec = _initial(arguments.weights, spec)
             tensors["network"] = state
@@ -153,7 +154,7 @@ def _start(arguments: TrainArguments, parameters: TrainParameters, fitting: Data
     optimizer = torch.optim.AdamW(_groups(network, parameters.weight_decay), lr=parameters.learning_rate, fused=True)
     if "optimizer" in tensors:
         restore_optimizer(optimizer, tensors["optimizer"])
-    return Run(network, average.eval(), optimizer, spec, progress, device)
+    return Run(arguments, parameters, parts, device, network, average.eval(), optimizer, spec, progress)
 
 
 def _identity(arguments: TrainArguments, fitting: Dataset) -> dict[str, str]:

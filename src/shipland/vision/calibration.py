@@ -65,62 +65,82 @@ class Board:
     dictionary: str = "DICT_4X4_50"
 
 
-@dataclass(frozen=True)
-class View:
-    """The board in one picture: (n,3) float32 corners on the board [m], (n,2) float32 the same in the picture [px]."""
-
-    board_m: npt.NDArray[np.float32]
-    corners_px: npt.NDArray[np.float32]
-
-
-Finder = Callable[[Image], View | None]
+Floats = npt.NDArray[np.float32]
+Corners = tuple[Floats, Floats]
+"""A board's corners that a picture shows: (n,3) on the board [m] and (n,2) in the picture [px]; n is 0 without one."""
+_NO_CORNERS: Corners = np.zeros((0, 3), np.float32), np.zeros((0, 2), np.float32)
+Finder = Callable[[Image], Corners]
 
 
-@dataclass(frozen=True)
-class PictureResult:
-    """One picture: corners found, reprojection error, None without, and why it was left out; empty when used."""
+@dataclass
+class BoardPicture:
+    """A picture and what became of it.
 
-    file: str
-    corners: int
-    rms_px: float | None
+    Attributes:
+        size: width and height [px]; zeros of one that cannot be read.
+        corners: of the board in it.
+        left_out: why it does not count; empty when it does.
+        residuals_px: (n,2) corners reprojected minus found, by the last fit that it was part of.
+    """
+
+    path: Path
+    size: tuple[int, int] = (0, 0)
+    corners: Corners = _NO_CORNERS
     left_out: str = ""
+    residuals_px: Array | None = None
+
+    @property
+    def count(self) -> int:
+        """How many corners were found."""
+        return len(self.corners[1])
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """A calibrated camera with its pictures and errors.
+    """A calibrated camera with its pictures.
 
     Attributes:
         camera: intrinsics.
         focal_sd_px: standard deviation of the focal length.
-        rms_px: reprojection error of all pictures used.
-        covered: share of the picture's 8 × 6 cells with a corner in them.
         pictures: every picture, in the order given.
-        views: those used.
-        residuals_px: (n,2) reprojected minus found, of each of `views`.
     """
 
     camera: Camera
     focal_sd_px: float
-    rms_px: float
-    covered: float
-    pictures: tuple[PictureResult, ...]
-    views: tuple[View, ...]
-    residuals_px: tuple[Array, ...]
+    pictures: tuple[BoardPicture, ...]
+
+    @property
+    def used(self) -> list[BoardPicture]:
+        """The pictures that count."""
+        return [item for item in self.pictures if not item.left_out]
+
+    @property
+    def rms_px(self) -> float:
+        """Reprojection error of all pictures used."""
+        return _rms_px(*self.used)
+
+    @property
+    def covered(self) -> float:
+        """Share of the picture's 8 × 6 cells with a corner in them."""
+        corners_px = np.concatenate([item.corners[1] for item in self.used])
+        cells = np.floor((corners_px + 0.5) / self.used[0].size * _CELLS).astype(int)
+        inside = cells[np.all((cells >= 0) & (cells < _CELLS), axis=1)]
+        return len({(int(column), int(row)) for column, row in inside}) / (_CELLS[0] * _CELLS[1])
 
     def to_text(self) -> str:
         """For people: a line a picture, the camera, warnings."""
-        widest = max(len(item.file) for item in self.pictures)
+        widest = max(len(str(item.path)) for item in self.pictures)
         lines = []
         for item in self.pictures:
-            error = "" if item.rms_px is None else f"{item.rms_px:7.3f} px"
-            lines.append(f"{item.file:{widest}s}  {item.corners:4d} corners  {error:10s}  {item.left_out}".rstrip())
+            error = "" if item.residuals_px is None else f"{_rms_px(item):7.3f} px"
+            why = item.left_out and f"left out: {item.left_out}"
+            lines.append(f"{item.path!s:{widest}s}  {item.count:4d} corners  {error:10s}  {why}".rstrip())
         (fx, _, cx), (_, fy, cy), _ = self.camera.matrix
         lines += [
             f"focal length {fx:.2f}, {fy:.2f} ± {self.focal_sd_px:.2f} px; principal point {cx:.2f}, {cy:.2f} px; "
             f"{self.camera.width_px} × {self.camera.height_px} px",
             f"distortion {', '.join(f'{value:.5g}' for value in self.camera.distortion)}",
-            f"reprojection error {self.rms_px:.3f} px over {len(self.views)} pictures; "
+            f"reprojection error {self.rms_px:.3f} px over {len(self.used)} pictures; "
             f"corners in {100.0 * self.covered:.0f} % of the picture's {_CELLS[0]} × {_CELLS[1]} cells",
         ]
         if self.focal_sd_px > _FOCAL_STD_MAX * self.camera.focal_px:
@@ -147,51 +167,46 @@ def calibrate(paths: Sequence[Path], board: Board, out: Path) -> Calibration:
     except OSError as error:
         raise DataError(f"calibration file {out} cannot be written: {error.strerror}") from None
     finder = _finder(board)
-    found: list[tuple[str, tuple[int, int], View | None]] = []
-    broken: dict[int, DataError] = {}
-    for index, path in enumerate(_pictures(paths)):
-        try:
-            image = read_picture(path)
-            found.append((str(path), (image.shape[1], image.shape[0]), finder(image)))
-        except DataError as error:
-            broken[index] = error
-            found.append((str(path), (0, 0), None))
-    read = len(found) - len(broken)
+    pictures = [_searched(path, finder) for path in _pictures(paths)]
+    read = [item for item in pictures if item.size != (0, 0)]
     if not read:
-        raise broken[0]
-    sizes = Counter(size for _, size, view in found if view is not None)
-    if sizes.total() < min(_LEAST_VIEWS, read):
-        without = [Path(file) for index, (file, _, view) in enumerate(found) if view is None and index not in broken]
-        instead = _seen_instead(without, board.charuco)
+        raise DataError(pictures[0].left_out)
+    sizes = Counter(item.size for item in read if item.count)
+    if sizes.total() < min(_LEAST_VIEWS, len(read)):
+        instead = _seen_instead([item.path for item in read if not item.count], board.charuco)
         if instead or not sizes:
             raise DataError(
-                f"the board was found in {sizes.total() or 'none'} of {read} pictures; expected {board.corners} "
+                f"the board was found in {sizes.total() or 'none'} of {len(read)} pictures; expected {board.corners} "
                 f"inner corners ({'with' if board.charuco else 'without'} markers)"
                 f"{instead or ': count the corners where four squares meet'}"
             )
     size = sizes.most_common(1)[0][0]
-    why = {index: f"left out: {error}" for index, error in broken.items()}
-    for index, (_, other, view) in enumerate(found):
-        if view is None:
-            why.setdefault(index, "left out: no board found")
-        elif other != size:
-            why[index] = f"left out: {other[0]} × {other[1]} px, most are {size[0]} × {size[1]} px"
-    views = {index: view for index, (_, _, view) in enumerate(found) if view is not None and index not in why}
-    fit, rms_px = _fit_without_outliers(views, size, why)
-    residuals_px = tuple(fit.residuals_px)
-    pictures = tuple(
-        PictureResult(file, 0 if view is None else len(view.corners_px), rms_px.get(index), why.get(index, ""))
-        for index, (file, _, view) in enumerate(found)
-    )
-    used = tuple(view for index, view in views.items() if index not in why)
-    all_px = np.concatenate(residuals_px)
-    total_px = float(np.sqrt(np.mean(np.sum(all_px**2, axis=1))))
-    result = Calibration(fit.camera, fit.focal_sd_px, total_px, _covered(used, size), pictures, used, residuals_px)
+    for item in read:
+        if item.count and item.size != size:
+            item.left_out = f"{item.size[0]} × {item.size[1]} px, most are {size[0]} × {size[1]} px"
+    coverage = out.with_suffix(".png")
+    if coverage == out or any(item.count and item.path.resolve() == coverage.resolve() for item in read):
+        raise DataError(f"--out {out}: the coverage picture {coverage} would overwrite it or a picture; rename it")
+    result = Calibration(*_fit_without_outliers(pictures), tuple(pictures))
     result.camera.to_opencv_yaml(out)
-    picture = out.with_suffix(".png")
-    if not cv2.imwrite(str(picture), coverage_picture(result)):
-        raise DataError(f"coverage picture {picture} cannot be written")
+    if not cv2.imwrite(str(coverage), coverage_picture(result)):
+        raise DataError(f"coverage picture {coverage} cannot be written")
     return result
+
+
+def _searched(path: Path, finder: Finder) -> BoardPicture:
+    try:
+        image = read_picture(path)
+    except DataError as error:
+        return BoardPicture(path, left_out=str(error))
+    corners = finder(image)
+    return BoardPicture(path, (image.shape[1], image.shape[0]), corners, "" if len(corners[1]) else "no board found")
+
+
+def _rms_px(*pictures: BoardPicture) -> float:
+    """Reprojection error of pictures that were part of a fit."""
+    residuals_px = np.concatenate([item.residuals_px for item in pictures if item.residuals_px is not None])
+    return float(np.sqrt(np.mean(np.sum(residuals_px**2, axis=1))))
 
 
 _LEAST_TURN_RAD = math.radians(10.0)
@@ -202,38 +217,30 @@ _UNSETTLED = (
 )
 
 
-@dataclass(frozen=True)
-class _Fit:
-    camera: Camera
-    focal_sd_px: float
-    residuals_px: list[Array]
-
-
-def _fit_without_outliers(
-    views: dict[int, View], size: tuple[int, int], why: dict[int, str]
-) -> tuple[_Fit, dict[int, float]]:
-    """The fit, and every view's error; the worst view is dropped, and `why` says so, until none stands out."""
-    rms_px: dict[int, float] = {}
+def _fit_without_outliers(pictures: Sequence[BoardPicture]) -> tuple[Camera, float]:
+    """The camera and its focal length's deviation; the worst picture is left out until none stands out."""
+    found = [item for item in pictures if not item.left_out]
     while True:
-        kept = [index for index in views if index not in why]
+        kept = [item for item in found if not item.left_out]
         if len(kept) < _LEAST_VIEWS:
             raise DataError(
-                f"the board was found in {len(views)} pictures of one size, {len(kept)} of which agree; "
+                f"the board was found in {len(found)} pictures of one size, {len(kept)} of which agree; "
                 f"at least {_LEAST_VIEWS} are needed: take more, sharp, the board tilted and all over the picture"
             )
-        fit = _fit([views[index] for index in kept], size)
-        errors = [float(np.sqrt(np.mean(np.sum(some**2, axis=1)))) for some in fit.residuals_px]
-        rms_px |= dict(zip(kept, errors, strict=True))
+        fit = _fit(kept)
+        errors = [_rms_px(item) for item in kept]
         middle_px, worst_px = float(np.median(errors)), max(errors)
         if worst_px <= max(_OUTLIER * middle_px, _OUTLIER_PX) or len(kept) == _LEAST_VIEWS:
-            return fit, rms_px
+            return fit
         worst = kept[errors.index(worst_px)]
-        why[worst] = f"left out: error {worst_px / middle_px:.1f} × the median of {middle_px:.3f} px"
+        worst.left_out = f"error {worst_px / middle_px:.1f} × the median of {middle_px:.3f} px"
 
 
-def _fit(views: list[View], size: tuple[int, int]) -> _Fit:
-    boards = [view.board_m for view in views]
-    corners = [view.corners_px.reshape(-1, 1, 2) for view in views]
+def _fit(pictures: Sequence[BoardPicture]) -> tuple[Camera, float]:
+    """The camera and its focal length's deviation [px] by pictures of one size; gives each its residuals."""
+    size = pictures[0].size
+    boards = [item.corners[0] for item in pictures]
+    corners = [item.corners[1].reshape(-1, 1, 2) for item in pictures]
     flags = 0
     try:
         for flags in (0, cv2.CALIB_FIX_K3):
@@ -251,15 +258,11 @@ def _fit(views: list[View], size: tuple[int, int]) -> _Fit:
     normals = np.array([cv2.Rodrigues(rotation)[0][:, 2] for rotation in rotations])
     if np.min(normals @ normals.T) > math.cos(_LEAST_TURN_RAD):
         raise DataError(_UNSETTLED)
-    residuals_px: list[Array] = [
-        np.asarray(
-            cv2.projectPoints(view.board_m, rotation, translation, camera.matrix, camera.distortion)[0].reshape(-1, 2),
-            np.float64,
-        )
-        - view.corners_px
-        for view, rotation, translation in zip(views, rotations, translations, strict=True)
-    ]
-    return _Fit(camera, float(np.hypot(stds[0], stds[1]) / math.sqrt(2.0)), residuals_px)
+    for item, rotation, translation in zip(pictures, rotations, translations, strict=True):
+        board_m, found_px = item.corners
+        shown_px, _ = cv2.projectPoints(board_m, rotation, translation, camera.matrix, camera.distortion)
+        item.residuals_px = np.asarray(shown_px.reshape(-1, 2), np.float64) - found_px
+    return camera, float(np.hypot(stds[0], stds[1]) / math.sqrt(2.0))
 
 
 def _pictures(paths: Sequence[Path]) -> Iterator[Path]:
@@ -302,18 +305,18 @@ def _chessboard(board: Board, across: int, down: int) -> Finder:
     board_m = np.zeros((across * down, 3), np.float32)
     board_m[:, :2] = board.square_m * np.mgrid[0:across, 0:down].T.reshape(-1, 2)
 
-    def find(image: Image) -> View | None:
+    def find(image: Image) -> Corners:
         grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         good, corners = cv2.findChessboardCornersSB(grey, (across, down), flags=_SEARCH)
         if not good:
             good, corners = cv2.findChessboardCorners(grey, (across, down))
             if not good:
-                return None
+                return _NO_CORNERS
             points = corners.reshape(down, across, 2)
             apart_px = min(float(np.linalg.norm(np.diff(points, axis=axis), axis=-1).min()) for axis in (0, 1))
             half = int(np.clip(0.35 * apart_px, 1, 11))
             corners = cv2.cornerSubPix(grey, corners, (half, half), (-1, -1), _UNTIL)
-        return View(board_m, np.asarray(corners, np.float32).reshape(-1, 2))
+        return board_m, np.asarray(corners, np.float32).reshape(-1, 2)
 
     return find
 
@@ -337,24 +340,17 @@ def _charuco(board: Board, across: int, down: int) -> Finder:
     detector = cv2.aruco.CharucoDetector(printed)
     board_m = np.asarray(printed.getChessboardCorners(), np.float32)
 
-    def find(image: Image) -> View | None:
+    def find(image: Image) -> Corners:
         corners, numbers, _, _ = detector.detectBoard(image)
         if numbers is None or len(numbers) < _LEAST_CORNERS:
-            return None
+            return _NO_CORNERS
         seen = np.asarray(numbers).ravel()
         extent_m = np.linalg.svd(board_m[seen] - board_m[seen].mean(axis=0), compute_uv=False)
         if extent_m[1] < board.square_m:  # all in one row: no plane
-            return None
-        return View(board_m[seen], np.asarray(corners, np.float32).reshape(-1, 2))
+            return _NO_CORNERS
+        return board_m[seen], np.asarray(corners, np.float32).reshape(-1, 2)
 
     return find
-
-
-def _covered(views: tuple[View, ...], size: tuple[int, int]) -> float:
-    corners_px = np.concatenate([view.corners_px for view in views])
-    cells = np.floor((corners_px + 0.5) / size * _CELLS).astype(int)
-    inside = cells[np.all((cells >= 0) & (cells < _CELLS), axis=1)]
-    return len({(int(column), int(row)) for column, row in inside}) / (_CELLS[0] * _CELLS[1])
 
 
 def coverage_picture(calibration: Calibration) -> Image:
@@ -368,15 +364,16 @@ def coverage_picture(calibration: Calibration) -> Image:
     for row in range(1, _CELLS[1]):
         cv2.line(canvas, (0, row * height // _CELLS[1]), (width, row * height // _CELLS[1]), (225, 225, 225))
     worst_px = max(2.0 * calibration.rms_px, 1e-6)
-    for view, residuals_px in zip(calibration.views, calibration.residuals_px, strict=True):
-        points = np.round(view.corners_px * scale).astype(int)
+    for item in calibration.used:
+        assert item.residuals_px is not None
+        points = np.round(item.corners[1] * scale).astype(int)
         outline = cv2.convexHull(points.astype(np.int32))
         cv2.polylines(canvas, [outline], isClosed=True, color=(190, 190, 190), lineType=cv2.LINE_AA)
-        for point, off_px in zip(points, np.linalg.norm(residuals_px, axis=1), strict=True):
+        for point, off_px in zip(points, np.linalg.norm(item.residuals_px, axis=1), strict=True):
             share = min(float(off_px) / worst_px, 1.0)
             cv2.circle(canvas, point.tolist(), 3, (200 * (1.0 - share), 80, 230 * share), cv2.FILLED, cv2.LINE_AA)
     words = (
-        f"{len(calibration.views)} pictures, rms {calibration.rms_px:.3f} px; "
+        f"{len(calibration.used)} pictures, rms {calibration.rms_px:.3f} px; "
         f"blue 0, red {worst_px:.2f} px and more; {100.0 * calibration.covered:.0f} % of the cells"
     )
     cv2.putText(canvas, words, (10, height - 12), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (60, 60, 60), 1, cv2.LINE_AA)

@@ -89,9 +89,12 @@ def learn(arguments: LearnArguments, makers: Sequence[EnvMaker]) -> Path:
     envs = vector_of(makers, parallel=arguments.parallel)
     try:
         run = _start(arguments, envs)
-        total = math.ceil((arguments.steps or arguments.minutes * 60.0) / (CHUNK if arguments.steps else 1.0))
+        if arguments.steps:
+            total, done = math.ceil(arguments.steps / CHUNK), math.ceil(run.progress.step / CHUNK)
+        else:
+            total, done = math.ceil(60.0 * arguments.minutes), int(run.progress.seconds)
         try:
-            for _ in followed(_chunks(run, arguments, makers), "training", total):
+            for _ in followed(_chunks(run, arguments, makers), "training", total, done):
                 pass
         except KeyboardInterrupt:
             print("stopped: the best policy so far is exported, --resume goes on")
