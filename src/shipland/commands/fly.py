@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shipland.commands.options import ScenarioOptions, command_line
+from shipland.commands.options import ScenarioOptions, check_ports, command_line
 from shipland.errors import ConfigError, DataError
 from shipland.extras import installed
 
@@ -130,11 +130,12 @@ class Fly(ScenarioOptions):
         return 0 if flight.success else 1
 
     def _refuse_wrong_options(self) -> None:
-        """ConfigError for an option of vehicles in a simulated flight, and for a seed, vision or wind that is none."""
+        """ConfigError for an option of vehicles in a simulated flight, and for a value that is none."""
         from shipland.api import checked_seed
         from shipland.factories import resolve
 
         checked_seed(self.seed)
+        check_ports(live_port=self.live_port)
         resolve("visions", self.vision)
         if self.wind_mps is not None and not (math.isfinite(self.wind_mps) and self.wind_mps >= 0.0):
             raise ConfigError(f"--wind-mps must be 0 or more, got {self.wind_mps:g}")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 from shipland.commands.options import Log
+from shipland.errors import ConfigError
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,8 @@ class Identify:
 
     def run(self) -> int:
         """Identify, print the table, write the file."""
+        if not 0.0 <= self.uplink_s < math.inf:
+            raise ConfigError(f"--uplink-s must be 0 or more, got {self.uplink_s:g}")
         from shipland.estimation.identify import identify
         from shipland.files import writing
         from shipland.record.reader import read_log

@@ -107,3 +107,10 @@ def names_of(option: str, text: str) -> tuple[str, ...]:
     if len(set(names)) < len(names) or not all(names):
         raise ConfigError(f"--{option} {text}: expected different names, separated by commas")
     return names
+
+
+def check_ports(**ports: int | None) -> None:
+    """ConfigError, by its flag, for a port that is given and that no network has."""
+    for name, port in ports.items():
+        if port is not None and not 0 <= port <= 65535:
+            raise ConfigError(f"--{name.replace('_', '-')} must be 0 to 65535, got {port}")

@@ -6,7 +6,7 @@ import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from shipland.commands.options import ScenarioOptions
+from shipland.commands.options import ScenarioOptions, check_ports
 
 if TYPE_CHECKING:
     from shipland.messages import TouchdownVerdict
@@ -51,6 +51,7 @@ class ServePhysics(ScenarioOptions):
         """Serve until the flight is over; Ctrl-C ends it before."""
         from shipland.api import checked_seed
 
+        check_ports(port=self.port, frames_port=self.frames_port)
         scenario, seed = self.load(), checked_seed(self.seed)
         verdict = self._over_ros2(scenario, seed) if self.interface == "ros2" else self._over_link(scenario, seed)
         print("no touchdown" if verdict is None else verdict.reason)
