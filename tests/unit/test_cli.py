@@ -141,7 +141,10 @@ BAD_VALUE = "[wind]\nmean_mps = -3.0\n"
         (("campaign", "--minutes", "nan"), "--minutes must be positive"),
         (("envelope", "near", "--first-seed", "-1"), "0 or more"),
         (("submit", "out", "--title", "mine", "--logs", "-1"), "--logs must be 0 or more"),
-        (("fly", "--vehicle", "replay://film.mp4", "--vision", "nowhere"), "no 'nowhere' among the visions"),
+        (
+            ("fly", "--vehicle", "mavlink://udp:1.1.1.1:0?camera=film.mp4", "--vision", "nowhere"),
+            "no 'nowhere' among the visions",
+        ),
         (("serve-physics", "--port", "99999"), "--port must be 0 to 65535"),
         (("serve-physics", "--frames-port", "-1"), "--frames-port must be 0 to 65535"),
         (("fly", "--live", "--live-port", "70000"), "--live-port must be 0 to 65535"),
