@@ -79,8 +79,9 @@ def test_a_long_crested_sea_has_one_direction() -> None:
     assert waves.amplitude_m.size == SEA.frequencies
 
 
-def test_variance_of_the_series_is_that_of_the_spectrum() -> None:
-    sea = replace(SEA, waves_from_deg=60.0)
+@pytest.mark.parametrize("waves_from_deg", [60.0, 120.0])
+def test_variance_of_the_series_is_that_of_the_spectrum(waves_from_deg: float) -> None:
+    sea = replace(SEA, waves_from_deg=waves_from_deg)
     wanted = significant_amplitude(sea)
     t_s = np.arange(0.0, 4000.0, 0.7)  # 350 roll periods
     found = []

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from shipland.commands.options import Folder
-from shipland.errors import ConfigError
+from shipland.learning.arguments import at_least
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,7 @@ class Submit:
         """Write the bundle and say what is in it."""
         from shipland.evaluation.bundle import opened, write_bundle
 
-        if self.logs < 0:
-            raise ConfigError(f"--logs must be 0 or more, got {self.logs}")
+        at_least(0, logs=self.logs)
         about = write_bundle(self.folder, self.out, self.title, self.logs, self.salt)
         with opened(self.out, self.salt) as bundle:
             rows, size_mb = len(bundle.flights), self.out.stat().st_size / 1e6

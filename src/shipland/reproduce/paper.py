@@ -10,11 +10,11 @@ from functools import partial
 from pathlib import Path
 from typing import get_args
 
-from shipland.errors import ConfigError
 from shipland.evaluation.tables import markdown
 from shipland.extras import require
 from shipland.guidance.laws import derivative_gain, exponential_law
 from shipland.guidance.parameters import FarVariant
+from shipland.learning.arguments import at_least
 from shipland.reproduce import FigureName, far, plots
 from shipland.reproduce.detections import detections
 from shipland.reproduce.flight_figures import figures_of_flights
@@ -34,8 +34,7 @@ def run_paper(out: Path, only: FigureName | None, flights: Path | None, runs: in
     the paper's fifty.
     """
     require("plots", "`shipland paper`")
-    if runs < 0:
-        raise ConfigError(f"--runs must be 0 or more, got {runs}")
+    at_least(0, runs=runs)
     if flights is not None:
         for path in figures_of_flights(flights, out):
             print(path)
