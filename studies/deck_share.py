@@ -4,12 +4,14 @@ The bar stands above the deck, so a roll moves it farther, and earlier. Along th
 of the point that the bar defines and of the deck's centre, and what is left of the second when it is predicted from
 pictures of the bar: by one share of the bar's motion, by the pilot's shares of the wave motion's four states
 (`guidance.horizon.wave.deck_shares`), and by those that are best here, now and so far ahead as a picture is old; and
-what the best linear filter over five seconds of pictures leaves, fitted to half of the motions, in the other half.
+what the best linear filter over five seconds of pictures leaves, fitted to half of the motions, in the other half. And
+the deck's lean along the axis, which the pilot takes from how much farther the bar moves than the deck below it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
@@ -29,6 +31,7 @@ STEP_S, SETTLED_S, AHEAD_S = 1.0 / 30.0, 10.0, 0.5
 TIMES_S = np.arange(0.0, 60.0, STEP_S)
 PICTURE_M = 0.01
 """Standard deviation of a picture's place."""
+DEGREES = 180.0 / np.pi
 FILTER_S, EVERY = 5.0, 5
 """What a linear filter looks back on, and which pictures of it."""
 
@@ -74,32 +77,42 @@ def measure(case: Case, runs: int) -> list[Row]:
     rows: list[Row] = []
     motions = []
     for seed in range(runs):
-        ship, shown, centres = drawn_ship(scenario, seed), [], []
+        ship, shown, centres, normals = drawn_ship(scenario, seed), [], [], []
         for at in map(ship.at, TIMES_S.tolist()):
             to_ship = at.ned_from_ship.inverse()
             shown.append((to_ship @ at.ned_from_bar).apply(scenario.rig.deck_in_bar_m))
             centres.append((to_ship @ at.ned_from_deck).translation_m)
-        motions.append((np.array(shown) - np.mean(shown, axis=0), np.array(centres) - np.mean(centres, axis=0)))
+            normals.append(-(to_ship @ at.ned_from_deck).rotation[:, 2])
+        motions.append(tuple(np.array(some) - np.mean(some, axis=0) for some in (shown, centres, normals)))
     for axis, name in enumerate(AXES):
         bar, deck = (np.concatenate([motion[which][settled:, axis] for motion in motions]) for which in (0, 1))
+        shares = wave.deck if axis != DOWN else replace(wave, deck_shares=parameters.deck_heave_shares).deck
         share = float(bar @ deck / (bar @ bar))
         row: Row = {"axis": name, "share": share}
         sizes_m = [float(np.std(some)) for some in (bar, deck, deck - share * bar)]
         row |= dict(zip(("bar_m", "deck_m", "left_m"), sizes_m, strict=True))
         for when, later in (("now", 0), ("ahead", ahead)):
-            states, true_m = [], []
-            for shown_m, centres_m in motions:
+            states, true_m, raised_m, lean_rad = [], [], [], []
+            for shown_m, centres_m, normals in motions:
                 pictures_m = shown_m[:, axis] + PICTURE_M * rng.standard_normal(len(shown_m))
                 found = np.array([wave.later(state, later * STEP_S) for state in estimated(wave, pictures_m)])
                 states.append(found[settled : len(found) - later])
                 true_m.append(centres_m[settled + later :, axis])
-            every, truth = np.concatenate(states), np.concatenate(true_m)
+                raised_m.append((centres_m - shown_m)[settled + later :, axis])
+                lean_rad.append(normals[settled + later :, axis])
+            every, truth, raised, lean = (np.concatenate(some) for some in (states, true_m, raised_m, lean_rad))
             best = np.linalg.lstsq(every, truth, rcond=None)[0]
-            guesses = {"one": share * every[:, 0], "pilot": every @ wave.deck[0], "best": every @ best}
+            guesses = {"one": share * every[:, 0], "pilot": every @ shares[0], "best": every @ best}
             row |= {f"{which}_{when}_m": float(np.std(truth - guess)) for which, guess in guesses.items()}
-        seen_m = [shown + PICTURE_M * rng.standard_normal(shown.shape) for shown, _ in motions]
+        if axis == DOWN:
+            told = every @ (shares[0] - wave.bar[0])
+            row |= {"raised_m": float(np.std(raised)), "raised_left_m": float(np.std(raised - told))}
+        else:
+            told = every @ (wave.bar[0] - wave.deck[0]) / scenario.rig.deck_in_bar_m[DOWN]
+            row |= {"lean_rad": float(np.std(lean)), "lean_left_rad": float(np.std(lean - told))}
+        seen_m = [shown + PICTURE_M * rng.standard_normal(shown.shape) for shown, _, _ in motions]
         own_m, with_heave_m = [some[:, [axis]] for some in seen_m], [some[:, [axis, DOWN]] for some in seen_m]
-        true_m = [centres_m[:, axis] for _, centres_m in motions]
+        true_m = [centres_m[:, axis] for _, centres_m, _ in motions]
         row["filter_ahead_m"] = left_by_filter_m(own_m, true_m, ahead)
         row["with_heave_ahead_m"] = left_by_filter_m(with_heave_m, true_m, ahead)
         rows.append(row)
@@ -123,6 +136,10 @@ STUDY = Study(
         "best_ahead_m": Column("by the best four [cm]", ".1f", 100.0),
         "filter_ahead_m": Column("by the best linear filter over 5 s [cm]", ".1f", 100.0),
         "with_heave_ahead_m": Column("and of the heave [cm]", ".1f", 100.0),
+        "raised_m": Column("deck's height against the bar's [cm]", ".1f", 100.0),
+        "raised_left_m": Column("0.5 s ahead: left by the pilot's [cm]", ".1f", 100.0),
+        "lean_rad": Column("lean [°]", ".1f", DEGREES),
+        "lean_left_rad": Column("0.5 s ahead: left by the pilot's [°]", ".1f", DEGREES),
     },
     cases=cases,
     measure=measure,

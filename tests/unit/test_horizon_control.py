@@ -217,7 +217,7 @@ def test_contact_is_foreseen_as_the_climb_rate_settles(height_m: float, sink_mps
         fall_mps += step_s / lag_s * (max(descent.final_descent_mps, sink_mps) - fall_mps)
         low_m -= step_s * fall_mps
         fallen_s += step_s
-    foreseen_s = contact_in_s(height_m, sink_mps, lag_s, descent)
+    foreseen_s = contact_in_s(height_m - descent.contact_height_m, sink_mps, descent.final_descent_mps, lag_s)
     assert foreseen_s == pytest.approx(fallen_s, abs=0.01 if sink_mps <= descent.final_descent_mps else 0.3)
 
 

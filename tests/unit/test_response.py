@@ -38,3 +38,13 @@ def test_a_tilt_lags_its_stick_by_lag_and_dead_time(changes):
         nose_down = -np.arcsin(-flown.truth().ned_from_body.rotation[2, 0])
         area_s += step_s * (1.0 - nose_down / asked_rad)
     assert area_s == pytest.approx(response.lag_s + response.dead_time_s, abs=0.012)
+
+
+def test_a_climb_lags_its_stick_by_its_own_lag_and_dead_time_and_not_by_a_tilts():
+    response, flown = stated({}), world(aircraft=QUIET)
+    asked_mps, area_s, step_s = 0.3 * response.max_climb_mps, 0.0, 0.01
+    for _ in range(300):
+        flown.command(PilotCommand(flown.t_s, 0.0, 0.0, 30.0, 0.0, 0.0))
+        flown.advance(flown.t_s + step_s)
+        area_s += step_s * (1.0 + flown.truth().velocity_in_ned_mps[2] / asked_mps)
+    assert area_s == pytest.approx(response.climb_lag_s + response.climb_dead_s, abs=0.02)

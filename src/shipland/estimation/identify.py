@@ -102,11 +102,13 @@ class Identified:
             lines += [f"uplink_s = {uplink_s:.4f}", f"dead_time_s = {max(0.0, level.delay_s - uplink_s):.4f}"]
         if self.drag_per_s is not None:
             lines += [f"drag_per_s = {self.drag_per_s:.4f}"]
-        for name, axis, unit in (("climb", self.climb, "mps"), ("turn", self.turn, "rad_s")):
-            if axis is not None:
-                # a pilot knows one dead time, the level axes'
-                late_s = axis.lag_s + (0.0 if level is None else max(0.0, axis.delay_s - level.delay_s))
-                lines += [f"max_{name}_{unit} = {axis.full:.4f}", f"{name}_lag_s = {late_s:.4f}"]
+        if (climb := self.climb) is not None:
+            lines += [f"max_climb_mps = {climb.full:.4f}", f"climb_lag_s = {climb.lag_s:.4f}"]
+            lines += [f"climb_dead_time_s = {max(0.0, climb.delay_s - uplink_s):.4f}"]
+        if (turn := self.turn) is not None:
+            # what a turn waits longer than a tilt counts as lag
+            late_s = turn.lag_s + (0.0 if level is None else max(0.0, turn.delay_s - level.delay_s))
+            lines += [f"max_turn_rad_s = {turn.full:.4f}", f"turn_lag_s = {late_s:.4f}"]
         return "\n".join(lines) + "\n"
 
     def table(self) -> str:

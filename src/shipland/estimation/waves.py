@@ -143,6 +143,11 @@ class WaveParameters:
         "of a moving bar's states that make up the deck's motion, which is followed over the deck",
         "measured: docs/results/ship-motion.md",
     )
+    deck_heave_shares: Shares = key(
+        (1.21, 0.02, -0.32, -0.16),
+        "likewise downward, where a pitch moves the deck otherwise than the bar",
+        "measured: docs/results/ship-motion.md",
+    )
     followed_within_m: float = key(
         1000.0,
         "nearer to the bar than this all of that share is followed, beyond twice this nothing: from afar the "

@@ -63,6 +63,7 @@ class Response:
     )
     approach_per_s: float = key(0.0, "with an integral: how the speed that is tracked follows the one asked for")
     smoothing_s: float = key(0.0, "likewise")
+    climb_dead_time_s: float | None = key(None, "`dead_time_s` of a climb", "that of a tilt where it is not known")
 
     def __post_init__(self) -> None:
         if self.kind == "velocity":
@@ -72,6 +73,11 @@ class Response:
                 self.integral_per_s2 <= 0.0 or shaped, "an integral needs approach_per_s and smoothing_s above zero"
             )
             require(self.servo_per_s > 0.0, "a velocity response needs servo_per_s above zero")
+
+    @property
+    def climb_dead_s(self) -> float:
+        """Dead time of a climb."""
+        return self.dead_time_s if self.climb_dead_time_s is None else self.climb_dead_time_s
 
     @property
     def full_input(self) -> float:

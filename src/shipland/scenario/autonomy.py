@@ -154,6 +154,7 @@ def response_of(scenario: Scenario) -> Response:
         turn_lag_s=0.2,
         uplink_s=scenario.delays.uplink_s,
         dead_time_s=0.0 if velocity else tilt_s - rotors_s,
+        climb_dead_time_s=0.0,
         hold_below_percent=loop.hold_below_percent,
         stick_step_percent=settings.stick_step_percent,
         velocity_reference=loop.velocity_reference,

@@ -73,7 +73,7 @@ class Assumptions:
     def down_model(self, parameters: HorizonParameters, response: Response) -> Model:
         """The vertical model."""
         climb = AxisModel(_CLIMB_ACTUATOR_LAG_S, 0.0, 1.0 / response.climb_lag_s)
-        heaves = replace(self.wave, deck_shares=(1.0, 0.0, 0.0, 0.0))  # with the bar: no roll moves it
+        heaves = replace(self.wave, deck_shares=parameters.wave.deck_heave_shares)
         return _model(1, climb, parameters.vertical_at(self.gust_mps2), heaves)
 
     def with_axis(self, headings: Headings) -> Assumptions:

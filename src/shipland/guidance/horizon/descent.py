@@ -51,7 +51,7 @@ class Outlook:
     Attributes:
         now_s: when the command takes effect.
         step_s: since the cycle before.
-        height_m: of the aircraft's centre over the neutral deck.
+        height_m: of the aircraft's centre over the deck.
         sink_mps: its rate, downward.
         offset_m: horizontal, from the landing point.
         odds: of a landing, if the final descent began now; while it sinks, from the height of the wait.
@@ -126,25 +126,24 @@ def _waiting(before: Descent, outlook: Outlook, parameters: DescentParameters) -
     return before
 
 
-def contact_in_s(height_m: float, sink_mps: float, lag_s: float, parameters: DescentParameters) -> float:
-    """Time to contact from a height over the neutral deck, in a final descent [s].
+def contact_in_s(over_contact_m: float, sink_mps: float, final_mps: float, lag_s: float) -> float:
+    """Time to contact in a final descent [s].
 
     Args:
-        height_m: of the aircraft's centre.
-        sink_mps: now; it approaches `final_descent_mps` with the time constant `lag_s`.
+        over_contact_m: height over that of a contact.
+        sink_mps: over the deck, now; it approaches `final_mps`.
+        final_mps: greater than zero.
         lag_s: of the vehicle's climb rate.
-        parameters: of the descent.
     """
-    left_m, final_descent_mps = max(height_m - parameters.contact_height_m, 0.0), parameters.final_descent_mps
-    time_s = left_m / final_descent_mps + lag_s * max(final_descent_mps - sink_mps, 0.0) / final_descent_mps
+    left_m = max(over_contact_m, 0.0)
+    time_s = left_m / final_mps + lag_s * max(final_mps - sink_mps, 0.0) / final_mps
     for _ in range(NEWTON_STEPS):  # the height lost is convex in time, and this begins beyond the solution
-        fallen_m, speed_mps = dropped(time_s, sink_mps, lag_s, parameters)
+        fallen_m, speed_mps = dropped(time_s, sink_mps, final_mps, lag_s)
         time_s = max(time_s - (fallen_m - left_m) / max(speed_mps, SLOWEST_FALL_MPS), 0.0)
     return time_s
 
 
-def dropped(time_s: float, sink_mps: float, lag_s: float, parameters: DescentParameters) -> tuple[float, float]:
+def dropped(time_s: float, sink_mps: float, final_mps: float, lag_s: float) -> tuple[float, float]:
     """Height lost in a final descent after a time, and its speed then [m, m/s]; arguments as of `contact_in_s`."""
-    final_descent_mps = parameters.final_descent_mps
-    slower_mps, kept = max(final_descent_mps - sink_mps, 0.0), math.exp(-time_s / lag_s)
-    return final_descent_mps * time_s - slower_mps * lag_s * (1.0 - kept), final_descent_mps - slower_mps * kept
+    slower_mps, kept = max(final_mps - sink_mps, 0.0), math.exp(-time_s / lag_s)
+    return final_mps * time_s - slower_mps * lag_s * (1.0 - kept), final_mps - slower_mps * kept

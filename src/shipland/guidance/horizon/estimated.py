@@ -20,7 +20,7 @@ from shipland.estimation.relative_state import (
     position_covariance,
 )
 from shipland.estimation.waves import WAVE_STATES, WaveMotion
-from shipland.frames import Array, rotated
+from shipland.frames import GRAVITY_MPS2, Array, rotated
 
 _STEP_MS = 20
 """To which times are rounded in predictions: a model keeps a matrix for each."""
@@ -56,7 +56,7 @@ class Estimated:
         across: horizontal state against the bar.
         down: vertical state, downward.
         model: horizontal, of the motion.
-        wave: model of the deck's and the bar's wave motion in both.
+        wave, heave: models of the deck's and the bar's wave motion, horizontal and vertical.
         tracked_near: share of `wave.tracked` that is tracked at this distance, 0 to 1.
         place_m, speed_mps: (2,) of the aircraft from the bar, and its rate.
         followed_m, followed_mps: (2,) of the aircraft from the tracked part of the bar's motion: the position that is
@@ -77,6 +77,7 @@ class Estimated:
     down: GaussianState
     model: Model
     wave: WaveMotion
+    heave: WaveMotion
     tracked_near: float
     place_m: Array
     speed_mps: Array
@@ -110,19 +111,21 @@ class Estimated:
         """(2,) from the landing point by the bar as it is seen, in the axes of the flight."""
         return self.place_m - rotated(self.deck_in_bar_m[:2], self.bar_rad)
 
-    @property
+    @cached_property
     def height_m(self) -> float:
-        """Of the aircraft's centre over the neutral deck."""
-        return float(self.deck_in_bar_m[2]) - self.down_m
+        """Of the aircraft's centre over the deck, as far as the bar tells where that is: a pitch raises one of them."""
+        return float(self.deck_in_bar_m[2]) - self.down_m + self._deck_below_bar(0)
 
-    @property
-    def tilt_mps2(self) -> float:
-        """Acceleration by the aircraft's tilt."""
-        actuation = self.actuation
-        tilt_mps2 = self.across.of(ACTUATION)
-        if actuation.tracked is not None:
-            tilt_mps2 = tilt_mps2 + actuation.trim_mps2
-        return math.hypot(*tilt_mps2.tolist())
+    @cached_property
+    def sink_mps(self) -> float:
+        """The rate of `height_m`, downward."""
+        return self.down_mps - self._deck_below_bar(1)
+
+    @cached_property
+    def tilt_mps2(self) -> Array:
+        """(2,) acceleration by the aircraft's tilt."""
+        tilt_mps2, actuation = self.across.of(ACTUATION), self.actuation
+        return tilt_mps2 if actuation.tracked is None else tilt_mps2 + actuation.trim_mps2
 
     def over_deck_covariance_later(self, passed_s: float) -> Array:
         """(2,2) covariance of the place over the deck after `passed_s` in which nothing is measured."""
@@ -140,17 +143,32 @@ class Estimated:
         shares = self.wave.deck[0] - np.asarray(self.tracked_near * self.wave.tracked[0])
         return np.array([shares @ self.wave.later(self.across.mean[_wave_of(axis)], passed_s) for axis in range(2)])
 
+    def deck_normal_mps2(self, passed_s: float) -> Array:
+        """(2,) acceleration by a tilt along the deck's normal after `passed_s`.
+
+        By a ship's roll its bar sways farther than the deck below it. Zero where the bar is at rest: it shows no roll.
+        """
+        if not self.wave.bar_moves:
+            return np.zeros(2)
+        per_m = (self.wave.bar[0] - self.wave.deck[0]) * (GRAVITY_MPS2 / float(self.deck_in_bar_m[2]))
+        return np.array([per_m @ self.wave.later(self.across.mean[_wave_of(axis)], passed_s) for axis in range(2)])
+
     def deck_rises_mps(self, passed_s: float) -> float:
         """Upward speed of the deck after `passed_s`."""
-        return -self._heave_rate_mps(passed_s)
+        return -float(self.heave.deck[1] @ self._heave_later(passed_s))
 
-    def bar_rises_mps(self, passed_s: float) -> float:
-        """Upward speed of the bar after `passed_s`."""
-        return -float(self.wave.bar_moves) * self._heave_rate_mps(passed_s)
+    def followed_rises_mps(self, passed_s: float) -> float:
+        """That of the deck as the bar shows it, which is followed: none of a bar at rest."""
+        return float(self.heave.bar_moves) * self.deck_rises_mps(passed_s)
 
-    def _heave_rate_mps(self, passed_s: float) -> float:
-        """Downward rate of the wave motion after `passed_s`."""
-        return float(self.wave.later(self.down.mean[WAVE : WAVE + WAVE_STATES], passed_s)[1])
+    def _deck_below_bar(self, derivative: int) -> float:
+        """By how much a ship's deck is lower than its heave alone would have it, or the rate of that."""
+        shares = self.heave.deck[derivative] - self.heave.bar[derivative]
+        return float(self.heave.bar_moves) * float(shares @ self._heave_later(0.0))
+
+    def _heave_later(self, passed_s: float) -> Array:
+        """(4,) the states of the vertical wave motion after `passed_s`."""
+        return self.heave.later(self.down.mean[WAVE : WAVE + WAVE_STATES], passed_s)
 
     def followed_states(self, axis: int) -> Array:
         """(STATES,) of an axis for the gains, with the tracked part of the wave motion."""

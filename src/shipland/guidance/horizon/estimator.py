@@ -324,6 +324,7 @@ class Estimator:
             down=down,
             model=self._across.model,
             wave=wave,
+            heave=self._down.model.wave,
             tracked_near=tracked_near,
             place_m=place_m,
             speed_mps=speed_mps,

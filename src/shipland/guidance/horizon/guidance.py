@@ -31,6 +31,8 @@ _CLIMB_SLOPE = 0.15
 _BLIND_S = 1.5
 """Without a velocity of the vehicle for this long, gains are those for pictures alone."""
 _MEMORY_S, _LIMIT_CYCLE = 2.0, 0.3
+_SLOWEST_SHARE = 0.3
+"""Of the final descent's sink rate, over a deck that sinks away."""
 _BRAKE_MPS2, _ROOM_M = 2.5, 1.0
 """Deceleration of a reference that is faster than its pace, where it would overshoot its goal: a tilt of 14°; and the
 way that stopping may always take."""
@@ -272,7 +274,7 @@ class Guidance:
         blind = now_s - actuation.velocity_s > _BLIND_S
         oscillating = self._limit_cycle.oscillating and mode is not Mode.LAND
         gains = self._regulator.gains(estimate, far or blind or oscillating, cycle_s)
-        contact_s = contact_in_s(estimate.height_m, estimate.down_mps, self._response.climb_lag_s, parameters.descent)
+        contact_s = self._contact_s(estimate.height_m, estimate.sink_mps, self._final_mps(estimate))
         descent = odds = None
         if mode is Mode.LAND or (mode is Mode.APPROACH and not far):
             odds = self._odds(estimate, before[1], reference, gains)
@@ -282,7 +284,7 @@ class Guidance:
                 now_s=estimate.t_s,
                 step_s=step_s,
                 height_m=estimate.height_m,
-                sink_mps=estimate.down_mps,
+                sink_mps=estimate.sink_mps,
                 offset_m=math.hypot(*estimate.offset_m.tolist()),
                 odds=odds,
                 climb_lag_s=self._response.climb_lag_s,
@@ -305,17 +307,29 @@ class Guidance:
 
     def _odds(self, estimate: Estimated, before: Descent | None, reference: Reference, gains: Gains) -> float:
         """Of a landing by a final descent from now, or while it sinks from the height of the wait."""
-        descent, levelling, lag_s = self._parameters.descent, self._parameters.levelling, self._response.climb_lag_s
-        height_m, sink_mps = estimate.height_m, estimate.down_mps
+        descent, final_mps = self._parameters.descent, self._final_mps(estimate)
+        height_m, sink_mps = estimate.height_m, estimate.sink_mps
         if before is None or before.phase is Phase.SINK:
             height_m, sink_mps = min(height_m, descent.wait_height_m), 0.0
-        contact_s = contact_in_s(height_m, sink_mps, lag_s, descent)
+        contact_s = self._contact_s(height_m, sink_mps, final_mps)
         offsets_m, covariance_m2 = self._regulator.at_contact(estimate, reference, gains, contact_s)
         odds = odds_in_area(self._rig, offsets_m, covariance_m2, estimate.bar_rad)
-        odds *= odds_of_tilt(estimate.tilt_mps2, contact_s, self._response, levelling)
-        _, fall_mps = dropped(contact_s, sink_mps, lag_s, descent)
-        deck_mps = estimate.deck_rises_mps(contact_s) - estimate.bar_rises_mps(contact_s)
+        tilt_mps2 = math.hypot(*(estimate.tilt_mps2 - estimate.deck_normal_mps2(contact_s)).tolist())
+        odds *= odds_of_tilt(tilt_mps2, contact_s, self._response, self._parameters.levelling)
+        _, fall_mps = dropped(contact_s, sink_mps, final_mps, self._response.climb_lag_s)
+        deck_mps = estimate.deck_rises_mps(contact_s) - estimate.followed_rises_mps(contact_s)
         return odds * odds_below(descent.sink_max_mps, fall_mps + deck_mps, descent.sink_std_mps)
+
+    def _contact_s(self, height_m: float, sink_mps: float, final_mps: float) -> float:
+        """Time to contact in a final descent from a height over the deck."""
+        over_contact_m = height_m - self._parameters.descent.contact_height_m
+        return contact_in_s(over_contact_m, sink_mps, final_mps, self._response.climb_lag_s)
+
+    def _final_mps(self, estimate: Estimated) -> float:
+        """Sink rate over the deck that a final descent approaches: a deck may sink away from under the vehicle."""
+        final_mps, response = self._parameters.descent.final_descent_mps, self._response
+        most_mps = response.max_climb_mps + estimate.followed_rises_mps(response.climb_lag_s)
+        return min(final_mps, max(most_mps, _SLOWEST_SHARE * final_mps))
 
     def _reference(self, mode: Mode, estimate: Estimated, before: Reference | None, step_s: float) -> Reference:
         """The reference a cycle later, towards the mode's goal; reset where the aircraft cannot follow it."""
@@ -326,8 +340,8 @@ class Guidance:
         return reference_reset(reference, place_m, speed_mps, pace)
 
     def _descent_mps(self, estimate: Estimated, descent: Descent) -> float:
-        """Climb rate of a landing, upward: with the bar's heave, as it is when a climb rate has come about."""
-        rate_mps = estimate.bar_rises_mps(self._response.climb_lag_s)
+        """Climb rate of a landing, upward: with the deck, as it moves when a climb rate has come about."""
+        rate_mps = estimate.followed_rises_mps(self._response.climb_lag_s)
         if descent.phase is Phase.FINAL_DESCENT:
             return rate_mps - self._parameters.descent.final_descent_mps
         return rate_mps + descent.rate_mps + self._climb_mps(descent.height_m, estimate)

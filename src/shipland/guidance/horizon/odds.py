@@ -103,7 +103,7 @@ def odds_of_tilt(tilt_mps2: float, left_s: float, response: Response, parameters
     """Probability of a contact within the limit of the tilt.
 
     Args:
-        tilt_mps2: acceleration by the tilt now, which is reduced with the vehicle's lag.
+        tilt_mps2: acceleration by the tilt against the deck now, which is reduced with the vehicle's lag.
         left_s: to contact, from the command's effect.
         response: of the vehicle.
         parameters: of the levelling.

@@ -5,8 +5,9 @@ cost is the squared offset from the bar's place, its rate, the aircraft's accele
 steady wind costs nothing, so that nothing pulls the aircraft off its place. All commands that are still on the way are
 in the prediction, which makes the delay a part of the state as a whole.
 
-Just before contact the tilt is reduced to what a contact allows. In wind an aircraft holds its position tilted, and a
-deck that rolls adds to that. Up to `levelling.tilt_deg` remains: level, the aircraft would drift with the wind.
+Just before contact the tilt against the deck is reduced to what a contact allows. In wind an aircraft holds its position
+tilted, and a deck that rolls adds to that or takes from it. Up to `levelling.tilt_deg` remains: level, the aircraft
+would drift with the wind.
 """
 
 from __future__ import annotations
@@ -126,37 +127,46 @@ def _gain(big: Array, entry: Array, value: Array, effort: float) -> Array:
     return np.asarray((weighted @ big) / (effort + weighted @ entry))
 
 
-def tilt_near_contact(wanted: Array, left_s: float, response: Response, parameters: LevellingParameters) -> Array:
+def tilt_near_contact(
+    wanted: Array, normal_mps2: Array, left_s: float, response: Response, parameters: LevellingParameters
+) -> Array:
     """(2,) the input of sticks that mean a tilt [m/s²].
 
     Args:
         wanted: (2,) by the gains.
+        normal_mps2: (2,) of a tilt along the deck's normal at contact.
         left_s: to contact, from the command's effect.
         response: of the vehicle.
         parameters: of the levelling.
     """
     early_s = max(left_s - parameters.before_contact_s(response), 0.0)
-    return shortened(wanted, parameters.tilt_mps2 + response.max_input_rate * early_s)
+    return normal_mps2 + shortened(wanted - normal_mps2, parameters.tilt_mps2 + response.max_input_rate * early_s)
 
 
 def speed_near_contact(
-    wanted: Array, tilt: Array, tracked_mps: Array, response: Response, parameters: LevellingParameters
+    wanted: Array,
+    normal_mps2: Array,
+    tilt: Array,
+    tracked_mps: Array,
+    response: Response,
+    parameters: LevellingParameters,
 ) -> Array:
     """(2,) the input of sticks that mean a speed [m/s]: the autopilot levels out where it is to change its speed.
 
     Args:
         wanted: (2,) by the gains.
+        normal_mps2: (2,) acceleration by a tilt along the deck's normal at contact.
         tilt: (2,) acceleration by the aircraft's tilt, but for what changes of the tracked speed ask for [m/s²].
         tracked_mps: (2,) the speed that the autopilot tracks.
         response: of the vehicle.
         parameters: of the levelling.
     """
     change = shortened(response.approach_per_s * (wanted - tracked_mps), _KICK_MPS2)
-    tilted = tilt + change
+    tilted = tilt + change - normal_mps2
     level = shortened(tilted, parameters.tilt_mps2)
     if level is tilted:
         return wanted
-    return tracked_mps + shortened(level - tilt, _KICK_MPS2) / response.approach_per_s
+    return tracked_mps + shortened(normal_mps2 + level - tilt, _KICK_MPS2) / response.approach_per_s
 
 
 def shortened(vector: Array, most: float) -> Array:
@@ -299,13 +309,14 @@ class Regulator:
     def _levelled(self, estimate: Estimated, plan: Plan, wanted: Array) -> Array:
         """(2,) the input, in the axes of the flight, with the tilt taken out in time for contact."""
         response, levelling, actuation = self._response, self._parameters.levelling, estimate.actuation
+        normal_mps2 = estimate.deck_normal_mps2(min(plan.contact_s, LONGEST_CONTACT_S))
         if response.kind == "attitude":
-            return tilt_near_contact(wanted, plan.contact_s, response, levelling)
+            return tilt_near_contact(wanted, normal_mps2, plan.contact_s, response, levelling)
         if actuation.tracked is None or plan.contact_s >= levelling.before_contact_s(response):
             return wanted
         speed_mps, rate_mps2 = actuation.tracked
         tilt = actuation.trim_mps2 + estimate.across.of(ACTUATION) - rate_mps2
-        return speed_near_contact(wanted, tilt, speed_mps, response, levelling)
+        return speed_near_contact(wanted, normal_mps2, tilt, speed_mps, response, levelling)
 
 
 def _quantised(pitch: float, roll: float, response: Response) -> tuple[float, float]:

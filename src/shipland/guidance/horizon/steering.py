@@ -89,7 +89,7 @@ class Steered:
         wave_m, wave_mps: of the bar.
         input_mps2: asked for by the command before.
         wanted_mps2: asked for by the pilot's own gains now.
-        height_m: over the neutral deck.
+        height_m: over the deck.
         sink_mps: its rate, down positive.
         contact_s: to contact, if the descent went on at its last part's speed.
         landing: a landing has begun.
@@ -142,7 +142,7 @@ def steered(own: Array, estimate: Estimated, plan: Plan) -> Steered:
         input_mps2=in_bar(estimate.actuation.input_before),
         wanted_mps2=in_bar(own),
         height_m=estimate.height_m,
-        sink_mps=estimate.down_mps,
+        sink_mps=estimate.sink_mps,
         contact_s=min(plan.contact_s, LONGEST_CONTACT_S),
         landing=plan.descent is not None,
         in_final_descent=plan.in_final_descent,

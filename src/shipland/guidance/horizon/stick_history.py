@@ -120,7 +120,8 @@ class StickHistory:
             wanted = self._tilted_mps2 / gain  # the vehicle holds its position by itself, against the wind
         turn_rad_s = 0.01 * command.yaw_percent * response.max_turn_rad_s
         headings.sent(effect_s + response.turn_lag_s, turn_rad_s)
-        self.climbs.add(effect_s, np.array([-(0.01 * command.heave_percent * response.max_climb_mps)]))
+        climb_s = command.t_s + response.uplink_s + response.climb_dead_s
+        self.climbs.add(climb_s, np.array([-(0.01 * command.heave_percent * response.max_climb_mps)]))
         wanted = rotated(wanted, headings.nose_at(effect_s))
         if self.servo is None:
             self.across.add(effect_s, wanted)
