@@ -5,7 +5,7 @@ cost is the squared offset from the bar's place, its rate, the aircraft's accele
 steady wind costs nothing, so that nothing pulls the aircraft off its place. All commands that are still on the way are
 in the prediction, which makes the delay a part of the state as a whole.
 
-Just before contact the tilt against the deck is reduced to what a contact allows. In wind an aircraft holds its position
+Just before contact the tilt against the deck is reduced to what a contact allows. In wind an aircraft holds its place
 tilted, and a deck that rolls adds to that or takes from it. Up to `levelling.tilt_deg` remains: level, the aircraft
 would drift with the wind.
 """
