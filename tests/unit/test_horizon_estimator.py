@@ -335,3 +335,17 @@ def test_the_heading_of_a_ship_under_way_is_not_known_for_ever(ship_mps, known):
         _cycle(estimator, index / 30.0, np.array([-12.0, 0.0, 0.0]), velocity_in_level_mps=velocity)
     assert estimator.estimate(10.0).bar_known
     assert _boxed(estimator, 10.0, 20.0, lambda _: (12.0, 0.0), (ship_mps, 0.0)).bar_known is known
+
+
+@pytest.mark.parametrize(("climb_dead_time_s", "waits_s"), [(0.0, 0.0), (None, ANAFI_LIKE.dead_time_s)])
+def test_a_climb_waits_for_its_own_dead_time(climb_dead_time_s: float | None, waits_s: float) -> None:
+    """Height half a second after full heave: the stated climb rate with its lag, begun after uplink and dead time."""
+    estimator = _estimator(replace(ANAFI_LIKE, climb_dead_time_s=climb_dead_time_s))
+    for k in range(60):
+        _cycle(estimator, k / 30.0, CAMERA_AT_M)
+    now_s = 60 / 30.0 + 0.3
+    before_m, later_s = estimator.estimate(now_s).down_m, 0.5
+    estimator.sent(PilotCommand(now_s, 0.0, 0.0, 100.0, 0.0, 0.0))
+    climbs_s, lag_s = later_s - ANAFI_LIKE.uplink_s - waits_s, ANAFI_LIKE.climb_lag_s
+    climbed_m = ANAFI_LIKE.max_climb_mps * (climbs_s - lag_s * (1.0 - math.exp(-climbs_s / lag_s)))
+    assert before_m - estimator.estimate(now_s + later_s).down_m == pytest.approx(climbed_m, abs=0.02)

@@ -193,6 +193,7 @@ def test_from_a_flights_log_to_the_pilot_of_every_vehicle(tmp_path: Path) -> Non
     assert Identify(tmp_path / "flight.mcap", path).run() == 0
     simulated = identified(path, response_of(scenario))
     assert simulated.lag_s != response_of(scenario).lag_s
+    assert simulated.climb_dead_s == pytest.approx(response_of(scenario).climb_dead_s, abs=0.05)
     made = make_vehicle("anafi://192.168.42.1", scenario, None, path)
     assert isinstance(made, AnafiVehicle)
     anafi = made.response()

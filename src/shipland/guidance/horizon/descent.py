@@ -32,7 +32,7 @@ class Descent:
     Attributes:
         phase: of it.
         since_s: when the phase began.
-        height_m: height over the neutral deck that is commanded now.
+        height_m: height over the deck that is commanded now.
         rate_mps: its rate when a climb rate that is commanded now has come about.
         odds: of a final descent that begins now, with what they were; None at first.
     """
@@ -56,7 +56,7 @@ class Outlook:
         offset_m: horizontal, from the landing point.
         odds: of a landing, if the final descent began now; while it sinks, from the height of the wait.
         climb_lag_s: of the vehicle.
-        hover_height_m: over the neutral deck; it rises no higher.
+        hover_height_m: over the deck; it rises no higher.
     """
 
     now_s: float
