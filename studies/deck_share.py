@@ -5,7 +5,7 @@ of the point that the bar defines and of the deck's centre, and what is left of 
 pictures of the bar: by one share of the bar's motion, by the pilot's shares of the wave motion's four states
 (`guidance.horizon.wave.deck_shares`), and by those that are best here, now and so far ahead as a picture is old; and
 what the best linear filter over five seconds of pictures leaves, fitted to half of the motions, in the other half. And
-the deck's lean along the axis, which the pilot takes from how much farther the bar moves than the deck below it.
+the deck's tilt along the axis, which the pilot takes from how much farther the bar moves than the deck below it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,6 @@ STEP_S, SETTLED_S, AHEAD_S = 1.0 / 30.0, 10.0, 0.5
 TIMES_S = np.arange(0.0, 60.0, STEP_S)
 PICTURE_M = 0.01
 """Standard deviation of a picture's place."""
-DEGREES = 180.0 / np.pi
 FILTER_S, EVERY = 5.0, 5
 """What a linear filter looks back on, and which pictures of it."""
 
@@ -92,15 +91,15 @@ def measure(case: Case, runs: int) -> list[Row]:
         sizes_m = [float(np.std(some)) for some in (bar, deck, deck - share * bar)]
         row |= dict(zip(("bar_m", "deck_m", "left_m"), sizes_m, strict=True))
         for when, later in (("now", 0), ("ahead", ahead)):
-            states, true_m, raised_m, lean_rad = [], [], [], []
+            states, true_m, raised_m, slopes = [], [], [], []
             for shown_m, centres_m, normals in motions:
                 pictures_m = shown_m[:, axis] + PICTURE_M * rng.standard_normal(len(shown_m))
                 found = np.array([wave.later(state, later * STEP_S) for state in estimated(wave, pictures_m)])
                 states.append(found[settled : len(found) - later])
                 true_m.append(centres_m[settled + later :, axis])
                 raised_m.append((centres_m - shown_m)[settled + later :, axis])
-                lean_rad.append(normals[settled + later :, axis])
-            every, truth, raised, lean = (np.concatenate(some) for some in (states, true_m, raised_m, lean_rad))
+                slopes.append(normals[settled + later :, axis])
+            every, truth, raised, slope = (np.concatenate(some) for some in (states, true_m, raised_m, slopes))
             best = np.linalg.lstsq(every, truth, rcond=None)[0]
             guesses = {"one": share * every[:, 0], "pilot": every @ shares[0], "best": every @ best}
             row |= {f"{which}_{when}_m": float(np.std(truth - guess)) for which, guess in guesses.items()}
@@ -109,7 +108,8 @@ def measure(case: Case, runs: int) -> list[Row]:
             row |= {"raised_m": float(np.std(raised)), "raised_left_m": float(np.std(raised - told))}
         else:
             told = every @ (wave.bar[0] - wave.deck[0]) / scenario.rig.deck_in_bar_m[DOWN]
-            row |= {"lean_rad": float(np.std(lean)), "lean_left_rad": float(np.std(lean - told))}
+            tilts_deg = {"tilt_deg": np.degrees(slope), "tilt_left_deg": np.degrees(slope - told)}
+            row |= {key: float(np.std(tilt_deg)) for key, tilt_deg in tilts_deg.items()}
         seen_m = [shown + PICTURE_M * rng.standard_normal(shown.shape) for shown, _, _ in motions]
         own_m, with_heave_m = [some[:, [axis]] for some in seen_m], [some[:, [axis, DOWN]] for some in seen_m]
         true_m = [centres_m[:, axis] for _, centres_m, _ in motions]
@@ -138,8 +138,8 @@ STUDY = Study(
         "with_heave_ahead_m": Column("and of the heave [cm]", ".1f", 100.0),
         "raised_m": Column("deck's height against the bar's [cm]", ".1f", 100.0),
         "raised_left_m": Column("0.5 s ahead: left by the pilot's [cm]", ".1f", 100.0),
-        "lean_rad": Column("lean [°]", ".1f", DEGREES),
-        "lean_left_rad": Column("0.5 s ahead: left by the pilot's [°]", ".1f", DEGREES),
+        "tilt_deg": Column("deck's tilt [°]", ".1f"),
+        "tilt_left_deg": Column("0.5 s ahead: left by the pilot's [°]", ".1f"),
     },
     cases=cases,
     measure=measure,

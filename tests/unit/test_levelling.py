@@ -18,7 +18,7 @@ LEVEL = np.zeros(2)
 """Of a deck's normal."""
 
 
-def lean_deg_of(acceleration_mps2: np.ndarray) -> float:
+def tilt_deg_of(acceleration_mps2: np.ndarray) -> float:
     return math.degrees(math.atan(np.linalg.norm(acceleration_mps2) / 9.80665))
 
 
@@ -26,7 +26,7 @@ def test_tilt_is_free_early_and_bounded_at_contact() -> None:
     wanted = np.array([4.0, -3.0])
     np.testing.assert_array_equal(tilt_near_contact(wanted, LEVEL, 2.0, ANAFI_LIKE, LEVELLING), wanted)
     at_contact = tilt_near_contact(wanted, LEVEL, 0.0, ANAFI_LIKE, LEVELLING)
-    assert lean_deg_of(at_contact) == pytest.approx(10.0, abs=0.05)
+    assert tilt_deg_of(at_contact) == pytest.approx(10.0, abs=0.05)
     np.testing.assert_allclose(at_contact / np.linalg.norm(at_contact), wanted / 5.0)
 
 
@@ -35,7 +35,7 @@ def test_a_small_tilt_stays() -> None:
     np.testing.assert_array_equal(tilt_near_contact(wanted, LEVEL, 0.0, ANAFI_LIKE, LEVELLING), wanted)
 
 
-def test_a_deck_that_leans_with_the_aircraft_leaves_it_its_tilt_and_one_that_leans_against_it_takes_more() -> None:
+def test_a_deck_tilted_as_the_aircraft_leaves_it_its_tilt_and_one_tilted_against_it_takes_more() -> None:
     wanted, normal = np.array([3.4, 0.0]), np.array([1.7, 0.0])
     np.testing.assert_array_equal(tilt_near_contact(wanted, normal, 0.0, ANAFI_LIKE, LEVELLING), wanted)
     against = tilt_near_contact(wanted, -normal, 0.0, ANAFI_LIKE, LEVELLING)
@@ -54,32 +54,32 @@ def change_mps2(wanted: np.ndarray, tilt: np.ndarray, tracked: np.ndarray, norma
     return SPEED_LIKE.approach_per_s * (asked - tracked)
 
 
-def test_a_speed_is_changed_by_as_much_as_there_is_too_much_lean() -> None:
+def test_a_speed_is_changed_by_as_much_as_there_is_too_much_tilt() -> None:
     tracked, tilt = np.array([0.2, -0.1]), np.array([4.0, 0.0])
     np.testing.assert_allclose(change_mps2(tracked, tilt, tracked), [LEVELLING.tilt_mps2 - 4.0, 0.0])
     assert float(np.linalg.norm(change_mps2(tracked, 3.0 * tilt, tracked))) == pytest.approx(3.0)
-    leaning_more = np.array([3.0, 0.0]) + tracked
-    np.testing.assert_allclose(change_mps2(leaning_more, tilt, tracked), change_mps2(tracked, tilt, tracked))
+    tilting_more = np.array([3.0, 0.0]) + tracked
+    np.testing.assert_allclose(change_mps2(tilting_more, tilt, tracked), change_mps2(tracked, tilt, tracked))
 
 
 def test_a_speed_is_changed_by_the_tilt_against_the_deck() -> None:
     tracked, tilt, normal = np.array([0.2, -0.1]), np.array([3.0, 0.0]), np.array([1.0, 0.0])
-    for leans in (normal, -normal):
-        left_mps2 = tilt + change_mps2(tracked, tilt, tracked, leans) - leans
-        np.testing.assert_allclose(left_mps2, [min(LEVELLING.tilt_mps2, 3.0 - leans[0]), 0.0])
+    for deck in (normal, -normal):
+        left_mps2 = tilt + change_mps2(tracked, tilt, tracked, deck) - deck
+        np.testing.assert_allclose(left_mps2, [min(LEVELLING.tilt_mps2, 3.0 - deck[0]), 0.0])
     np.testing.assert_array_equal(change_mps2(tracked, tilt, tracked, 2.0 * normal), np.zeros(2))
 
 
-def test_a_speed_that_leans_little_is_as_the_gains_want_it() -> None:
+def test_a_speed_that_tilts_little_is_as_the_gains_want_it() -> None:
     wanted, tracked = np.array([0.3, 0.1]), np.array([0.2, -0.1])
     asked = speed_near_contact(wanted, LEVEL, np.array([0.5, 0.3]), tracked, SPEED_LIKE, LEVELLING)
     np.testing.assert_array_equal(asked, wanted)
 
 
 def test_a_tilt_is_gone_by_contact_only_where_there_is_time() -> None:
-    level, leaning = 9.80665 * math.tan(math.radians(4.0)), 9.80665 * math.tan(math.radians(24.0))
+    level, tilted = 9.80665 * math.tan(math.radians(4.0)), 9.80665 * math.tan(math.radians(24.0))
     assert odds_of_tilt(level, 0.0, ANAFI_LIKE, LEVELLING) > 0.999
-    at_once, later = (odds_of_tilt(leaning, left_s, ANAFI_LIKE, LEVELLING) for left_s in (0.0, 0.5))
+    at_once, later = (odds_of_tilt(tilted, left_s, ANAFI_LIKE, LEVELLING) for left_s in (0.0, 0.5))
     assert at_once == pytest.approx(0.58, abs=0.01)  # a fifth of a standard deviation below the limit
     assert later > 0.99
 

@@ -141,12 +141,12 @@ class WaveParameters:
     deck_shares: Shares = key(
         (0.6, -0.28, 0.4, 0.05),
         "of a moving bar's states that make up the deck's motion, which is followed over the deck",
-        "measured: docs/results/ship-motion.md",
+        "measured: docs/explanation/bar-and-deck.md",
     )
     deck_heave_shares: Shares = key(
         (1.21, 0.02, -0.32, -0.16),
         "likewise downward, where a pitch moves the deck otherwise than the bar",
-        "measured: docs/results/ship-motion.md",
+        "measured: docs/explanation/bar-and-deck.md",
     )
     followed_within_m: float = key(
         1000.0,

@@ -113,7 +113,7 @@ class Estimated:
 
     @cached_property
     def height_m(self) -> float:
-        """Of the aircraft's centre over the deck, as far as the bar tells where that is: a pitch raises one of them."""
+        """Of the aircraft's centre over the deck, whose height against a ship's bar a pitch changes."""
         return float(self.deck_in_bar_m[2]) - self.down_m + self._deck_below_bar(0)
 
     @cached_property
@@ -140,8 +140,7 @@ class Estimated:
 
     def deck_later(self, passed_s: float) -> Array:
         """(2,) the deck's centre after `passed_s`, from that of the controlled position, in the axes of the flight."""
-        shares = self.wave.deck[0] - np.asarray(self.tracked_near * self.wave.tracked[0])
-        return np.array([shares @ self.wave.later(self.across.mean[_wave_of(axis)], passed_s) for axis in range(2)])
+        return self._wave_later(self.wave.deck[0] - np.asarray(self.tracked_near * self.wave.tracked[0]), passed_s)
 
     def deck_normal_mps2(self, passed_s: float) -> Array:
         """(2,) acceleration by a tilt along the deck's normal after `passed_s`.
@@ -150,8 +149,12 @@ class Estimated:
         """
         if not self.wave.bar_moves:
             return np.zeros(2)
-        per_m = (self.wave.bar[0] - self.wave.deck[0]) * (GRAVITY_MPS2 / float(self.deck_in_bar_m[2]))
-        return np.array([per_m @ self.wave.later(self.across.mean[_wave_of(axis)], passed_s) for axis in range(2)])
+        per_m = GRAVITY_MPS2 / float(self.deck_in_bar_m[2])
+        return self._wave_later((self.wave.bar[0] - self.wave.deck[0]) * per_m, passed_s)
+
+    def _wave_later(self, shares: Array, passed_s: float) -> Array:
+        """(2,) a sum of the states (4,) of the horizontal wave motion, after `passed_s`."""
+        return np.array([shares @ self.wave.later(self.across.mean[_wave_of(axis)], passed_s) for axis in range(2)])
 
     def deck_rises_mps(self, passed_s: float) -> float:
         """Upward speed of the deck after `passed_s`."""

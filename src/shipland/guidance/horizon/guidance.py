@@ -167,7 +167,7 @@ class Goals:
         )
 
     def height_m(self, mode: Mode, estimate: Estimated) -> float:
-        """Height over the neutral deck, in every mode but the landing."""
+        """Height over the deck, in every mode but the landing."""
         deck_down_m, hover_m = float(self._deck_in_bar_m[2]), self._approach.hover_height_m
         if mode is Mode.GO_AROUND:
             return self._approach.go_around_height_m
@@ -347,7 +347,7 @@ class Guidance:
         return rate_mps + descent.rate_mps + self._climb_mps(descent.height_m, estimate)
 
     def _climb_mps(self, height_m: float, estimate: Estimated) -> float:
-        """Climb rate to a height over the neutral deck, upward."""
+        """Climb rate to a height over the deck, upward."""
         path = self._parameters.path
         return clamp(path.climb_per_s * (height_m - estimate.height_m), path.climb_mps)
 

@@ -100,7 +100,7 @@ class DescentParameters:
 
     sink_mps: float = scaled(0.5, "speed of the descent to `wait_height_m`", ge=0.01, le=5)
     wait_height_m: float = scaled(
-        0.22, "over the neutral deck, of the aircraft's centre; 0 descends without waiting", ge=0
+        0.22, "over the deck as the bar shows it, of the aircraft's centre; 0 descends without waiting", ge=0
     )
     wait_band_m: float = scaled(0.1, "within this height above it the sink has ended", ge=0)
     slow_per_s: float = key(1.5, "the sink slows towards it at this rate and does not overshoot", ge=0)
