@@ -23,12 +23,13 @@ def _scaled(response: Response, **by: float) -> Response:
     return replace(response, **{name: getattr(response, name) * factor for name, factor in by.items()})
 
 
+TIMES = ("lag_s", "dead_time_s", "climb_lag_s", "climb_dead_time_s", "turn_lag_s")
 TOLD = {
     "as it is": lambda told: told,
     "commands 66 ms later": lambda told: replace(told, uplink_s=told.uplink_s + 0.066),
     "commands 25 ms sooner": lambda told: replace(told, uplink_s=max(told.uplink_s - 0.025, 0.0)),
-    "time constants × 0.7": lambda told: _scaled(told, lag_s=0.7, dead_time_s=0.7, climb_lag_s=0.7, turn_lag_s=0.7),
-    "time constants × 1.4": lambda told: _scaled(told, lag_s=1.4, dead_time_s=1.4, climb_lag_s=1.4, turn_lag_s=1.4),
+    "time constants × 0.7": lambda told: _scaled(told, **dict.fromkeys(TIMES, 0.7)),
+    "time constants × 1.4": lambda told: _scaled(told, **dict.fromkeys(TIMES, 1.4)),
     "tilt of full sticks × 0.8": lambda told: _scaled(told, max_tilt_rad=0.8),
     "tilt of full sticks × 1.25": lambda told: _scaled(told, max_tilt_rad=1.25),
     "drag × 0.5": lambda told: _scaled(told, drag_per_s=0.5),

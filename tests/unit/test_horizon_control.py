@@ -24,7 +24,7 @@ from shipland.estimation.relative_state import (
 )
 from shipland.estimation.waves import WAVE_STATES, WaveMotion
 from shipland.frames import Array
-from shipland.guidance.horizon.descent import Descent, Outlook, Phase, contact_in_s, next_descent
+from shipland.guidance.horizon.descent import Descent, Fall, Outlook, Phase, next_descent
 from shipland.guidance.horizon.guidance import Pace, at_rest, moved, reference_reset
 from shipland.guidance.horizon.odds import Odds
 from shipland.guidance.horizon.parameters import HorizonParameters
@@ -205,20 +205,23 @@ def test_an_estimate_that_leaps_in_every_picture_does_not_take_the_speed_wanted_
 
 
 def _over(t_s, height_m, offset_m=0.0, odds=1.0, sink_mps=0.0):
-    return Outlook(t_s, 0.033, height_m, sink_mps, offset_m, odds, climb_lag_s=0.3, hover_height_m=1.2)
+    return Outlook(t_s, 0.033, height_m, sink_mps, offset_m, odds, climb_in_s=0.3, hover_height_m=1.2)
 
 
 @pytest.mark.parametrize("sink_mps", [-0.3, 0.0, 0.1, 0.6, 1.0, 1.3])
-@pytest.mark.parametrize("height_m", [0.1, 0.15, 0.3, 1.0])
-def test_contact_is_foreseen_as_the_climb_rate_settles(height_m: float, sink_mps: float) -> None:
-    descent, lag_s, step_s = PARAMETERS.descent, 0.3, 1e-4
-    low_m, fall_mps, fallen_s = height_m, sink_mps, 0.0
-    while low_m > descent.contact_height_m or fall_mps < 0.0:
-        fall_mps += step_s / lag_s * (max(descent.final_descent_mps, sink_mps) - fall_mps)
-        low_m -= step_s * fall_mps
-        fallen_s += step_s
-    foreseen_s = contact_in_s(height_m - descent.contact_height_m, sink_mps, descent.final_descent_mps, lag_s)
-    assert foreseen_s == pytest.approx(fallen_s, abs=0.01 if sink_mps <= descent.final_descent_mps else 0.3)
+@pytest.mark.parametrize("over_m", [0.02, 0.07, 0.22, 0.92])
+@pytest.mark.parametrize("after_s", [-0.025, 0.0, 0.05])
+def test_contact_is_foreseen_as_the_climb_rate_settles(over_m: float, sink_mps: float, after_s: float) -> None:
+    """The command that sets a climb off acts before or after the tilt's, from which times count."""
+    final_mps, lag_s, step_s = PARAMETERS.descent.final_descent_mps, 0.3, 1e-4
+    left_m, fall_mps, passed_s = over_m - sink_mps * min(after_s, 0.0), sink_mps, min(after_s, 0.0)
+    while left_m > 0.0 or fall_mps < 0.0:
+        if passed_s >= after_s:
+            fall_mps += step_s / lag_s * (max(final_mps, sink_mps) - fall_mps)
+        left_m -= step_s * fall_mps
+        passed_s += step_s
+    foreseen_s = Fall(sink_mps, final_mps, lag_s, after_s).contact_in_s(over_m)
+    assert foreseen_s == pytest.approx(max(passed_s, 0.0), abs=0.01 if sink_mps <= final_mps else 0.3)
 
 
 def _land(offset_m=0.0, odds_at=lambda _: 1.0, seconds=30.0, height_m=1.2):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from shipland.config import merge
+from shipland.guidance.horizon.descent import Fall
 from shipland.messages import PilotCommand
 from shipland.scenario.autonomy import response_of
 from shipland.scenario.scenario import load_scenario
@@ -48,3 +49,16 @@ def test_a_climb_lags_its_stick_by_its_own_lag_and_dead_time_and_not_by_a_tilts(
         flown.advance(flown.t_s + step_s)
         area_s += step_s * (1.0 + flown.truth().velocity_in_ned_mps[2] / asked_mps)
     assert area_s == pytest.approx(response.climb_lag_s + response.climb_dead_s, abs=0.02)
+
+
+@pytest.mark.parametrize("passed_s", [0.1, 0.2, 0.3, 0.4])
+def test_a_descent_at_full_stick_loses_the_height_that_is_foreseen(passed_s):
+    response, flown, step_s = stated({}), world(aircraft=QUIET), 0.01
+    begins_s, begins_m = flown.t_s, flown.truth().ned_from_body.translation_m[2]
+    for _ in range(round(passed_s / step_s)):
+        flown.command(PilotCommand(flown.t_s, 0.0, 0.0, -100.0, 0.0, 0.0))
+        flown.advance(flown.t_s + step_s)
+    lost_m, _ = Fall(0.0, response.max_climb_mps, response.climb_lag_s, response.climb_dead_s).after(
+        flown.t_s - begins_s
+    )
+    assert flown.truth().ned_from_body.translation_m[2] - begins_m == pytest.approx(lost_m, abs=0.012)

@@ -80,6 +80,16 @@ class Response:
         return self.dead_time_s if self.climb_dead_time_s is None else self.climb_dead_time_s
 
     @property
+    def climb_after_s(self) -> float:
+        """From a command's effect on the tilt to that on the climb; negative where the climb begins first."""
+        return self.climb_dead_s - self.dead_time_s
+
+    @property
+    def climb_in_s(self) -> float:
+        """Likewise to the climb's having come about, on average."""
+        return max(self.climb_after_s + self.climb_lag_s, 0.0)
+
+    @property
     def full_input(self) -> float:
         """Input of the motion model at full stick: an acceleration [m/s²] or a speed [m/s]."""
         return GRAVITY_MPS2 * math.tan(self.max_tilt_rad) if self.kind == "attitude" else self.max_speed_mps

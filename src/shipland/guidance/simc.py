@@ -88,7 +88,7 @@ def horizontal_plant(response: Response, picture_age_s: float) -> Plant:
     A stick that asks for a tilt is an acceleration against the drag, whose steady speed is acceleration / drag. One
     that asks for a speed is followed within the lags of the speed reference and of the tilt.
     """
-    dead_time_s = _dead_time_s(response, picture_age_s)
+    dead_time_s = _dead_time_s(response, picture_age_s, response.dead_time_s)
     if response.kind == "attitude":
         drag_per_s = max(response.drag_per_s, _LEAST_DRAG_PER_S)
         speed = response.input_of(1.0) / drag_per_s
@@ -102,19 +102,20 @@ def horizontal_plant(response: Response, picture_age_s: float) -> Plant:
 
 def vertical_plant(response: Response, picture_age_s: float) -> Plant:
     """Heave: a climb rate behind a lag."""
-    return Plant(0.01 * response.max_climb_mps, (response.climb_lag_s,), _dead_time_s(response, picture_age_s))
+    dead_time_s = _dead_time_s(response, picture_age_s, response.climb_dead_s)
+    return Plant(0.01 * response.max_climb_mps, (response.climb_lag_s,), dead_time_s)
 
 
 def yaw_plant(response: Response, picture_age_s: float) -> Plant:
     """Yaw: a turn rate [deg/s] behind a lag."""
     turn = 0.01 * math.degrees(response.max_turn_rad_s)
-    return Plant(turn, (response.turn_lag_s,), _dead_time_s(response, picture_age_s))
+    return Plant(turn, (response.turn_lag_s,), _dead_time_s(response, picture_age_s, response.dead_time_s))
 
 
-def _dead_time_s(response: Response, picture_age_s: float) -> float:
+def _dead_time_s(response: Response, picture_age_s: float, reacts_s: float) -> float:
     """θ: the picture's age when its command is ready, the way up, and until the vehicle reacts."""
     age_s = min(max(picture_age_s, 0.0), _OLDEST_S)
-    return max(age_s + response.uplink_s + response.dead_time_s, _LEAST_DEAD_TIME_S)
+    return max(age_s + response.uplink_s + reacts_s, _LEAST_DEAD_TIME_S)
 
 
 def _lags_s(squared_s2: float, linear_s: float) -> tuple[float, float]:

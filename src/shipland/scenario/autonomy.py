@@ -134,6 +134,7 @@ def response_of(scenario: Scenario) -> Response:
     velocity = loop.kind == "velocity"
     tilt_s = 1.0 / loop.attitude_per_s
     rotors_s = min(airframe.motor_time_s, tilt_s)
+    climb_rotors_s = min(airframe.motor_time_s, 0.5 * loop.climb_time_s)
     tilt_rate_mps3 = GRAVITY_MPS2 * math.radians(settings.max_tilt_rate_deg_s)
     # A velocity's step from picture to picture, up to this one, stays below the autopilot's limit of acceleration.
     step_mps = loop.acceleration_mps2 * loop.velocity_time_s
@@ -149,12 +150,12 @@ def response_of(scenario: Scenario) -> Response:
         drag_per_s=0.0 if velocity else _drag_per_s(scenario.aircraft),
         max_input_rate=step_mps * scenario.camera.frame_rate_hz if velocity else tilt_rate_mps3,
         max_climb_mps=settings.max_vertical_speed_mps,
-        climb_lag_s=loop.climb_time_s,
+        climb_lag_s=loop.climb_time_s - climb_rotors_s,
         max_turn_rad_s=math.radians(settings.max_yaw_rate_deg_s),
         turn_lag_s=0.2,
         uplink_s=scenario.delays.uplink_s,
         dead_time_s=0.0 if velocity else tilt_s - rotors_s,
-        climb_dead_time_s=0.0,
+        climb_dead_time_s=climb_rotors_s,
         hold_below_percent=loop.hold_below_percent,
         stick_step_percent=settings.stick_step_percent,
         velocity_reference=loop.velocity_reference,

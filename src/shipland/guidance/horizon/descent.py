@@ -55,7 +55,7 @@ class Outlook:
         sink_mps: its rate, downward.
         offset_m: horizontal, from the landing point.
         odds: of a landing, if the final descent began now; while it sinks, from the height of the wait.
-        climb_lag_s: of the vehicle.
+        climb_in_s: in which a climb that is asked for now has come about.
         hover_height_m: over the deck; it rises no higher.
     """
 
@@ -65,7 +65,7 @@ class Outlook:
     sink_mps: float
     offset_m: float
     odds: float
-    climb_lag_s: float
+    climb_in_s: float
     hover_height_m: float
 
     def over_contact_m(self, parameters: DescentParameters) -> float:
@@ -74,7 +74,7 @@ class Outlook:
 
     def touches(self, parameters: DescentParameters) -> bool:
         """A foot would touch before a climb could come about."""
-        return self.over_contact_m(parameters) < parameters.touch_m + max(self.sink_mps, 0.0) * self.climb_lag_s
+        return self.over_contact_m(parameters) < parameters.touch_m + max(self.sink_mps, 0.0) * self.climb_in_s
 
 
 def next_descent(before: Descent | None, outlook: Outlook, parameters: DescentParameters) -> Descent:
@@ -107,7 +107,7 @@ def _sinking(before: Descent, outlook: Outlook, parameters: DescentParameters) -
     sink_mps = _sink_mps(height_m - stop_m, parameters)
     height_m = max(height_m - sink_mps * outlook.step_s, stop_m)
     if outlook.height_m > stop_m + parameters.wait_band_m or height_m > stop_m:
-        rate_mps = -_sink_mps(height_m - sink_mps * outlook.climb_lag_s - stop_m, parameters)
+        rate_mps = -_sink_mps(height_m - sink_mps * outlook.climb_in_s - stop_m, parameters)
         return replace(before, height_m=height_m, rate_mps=rate_mps)
     return Descent(Phase.WAIT, outlook.now_s, stop_m, odds=before.odds)
 
@@ -126,24 +126,35 @@ def _waiting(before: Descent, outlook: Outlook, parameters: DescentParameters) -
     return before
 
 
-def contact_in_s(over_contact_m: float, sink_mps: float, final_mps: float, lag_s: float) -> float:
-    """Time to contact in a final descent [s].
+@dataclass(frozen=True)
+class Fall:
+    """A final descent that is commanded now; times are from the command's effect on the tilt.
 
-    Args:
-        over_contact_m: height over that of a contact.
-        sink_mps: over the deck, now; it approaches `final_mps`.
-        final_mps: greater than zero.
+    Attributes:
+        sink_mps: over the deck, now.
+        final_mps: greater than zero; the sink rate that is approached.
         lag_s: of the vehicle's climb rate.
+        after_s: when the climb rate begins to change; negative where it has by then.
     """
-    left_m = max(over_contact_m, 0.0)
-    time_s = left_m / final_mps + lag_s * max(final_mps - sink_mps, 0.0) / final_mps
-    for _ in range(NEWTON_STEPS):  # the height lost is convex in time, and this begins beyond the solution
-        fallen_m, speed_mps = dropped(time_s, sink_mps, final_mps, lag_s)
-        time_s = max(time_s - (fallen_m - left_m) / max(speed_mps, SLOWEST_FALL_MPS), 0.0)
-    return time_s
 
+    sink_mps: float
+    final_mps: float
+    lag_s: float
+    after_s: float = 0.0
 
-def dropped(time_s: float, sink_mps: float, final_mps: float, lag_s: float) -> tuple[float, float]:
-    """Height lost in a final descent after a time, and its speed then [m, m/s]; arguments as of `contact_in_s`."""
-    slower_mps, kept = max(final_mps - sink_mps, 0.0), math.exp(-time_s / lag_s)
-    return final_mps * time_s - slower_mps * lag_s * (1.0 - kept), final_mps - slower_mps * kept
+    def after(self, time_s: float) -> tuple[float, float]:
+        """Height lost after a time, and the sink rate then [m, m/s]."""
+        falling_s = max(time_s - self.after_s, 0.0)
+        slower_mps, kept = max(self.final_mps - self.sink_mps, 0.0), math.exp(-falling_s / self.lag_s)
+        fallen_m = self.final_mps * falling_s - slower_mps * self.lag_s * (1.0 - kept)
+        return self.sink_mps * min(time_s, self.after_s) + fallen_m, self.final_mps - slower_mps * kept
+
+    def contact_in_s(self, over_contact_m: float) -> float:
+        """Time until this height is lost."""
+        left_m = max(over_contact_m, 0.0)
+        slower_mps = max(self.final_mps - self.sink_mps, 0.0)
+        time_s = max(self.after_s, 0.0) + (left_m + self.lag_s * slower_mps) / self.final_mps
+        for _ in range(NEWTON_STEPS):  # the height lost is convex in time, and this begins beyond the solution
+            fallen_m, speed_mps = self.after(time_s)
+            time_s = max(time_s - (fallen_m - left_m) / max(speed_mps, SLOWEST_FALL_MPS), 0.0)
+        return time_s

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shipland.frames import Array, rotated, wrap_angle
-from shipland.guidance.horizon.descent import Descent, Outlook, Phase, contact_in_s, dropped, next_descent
+from shipland.guidance.horizon.descent import Descent, Fall, Outlook, Phase, next_descent
 from shipland.guidance.horizon.estimated import Estimated
 from shipland.guidance.horizon.odds import odds_below, odds_in_area, odds_of_tilt
 from shipland.guidance.horizon.parameters import HorizonParameters
@@ -274,7 +274,7 @@ class Guidance:
         blind = now_s - actuation.velocity_s > _BLIND_S
         oscillating = self._limit_cycle.oscillating and mode is not Mode.LAND
         gains = self._regulator.gains(estimate, far or blind or oscillating, cycle_s)
-        contact_s = self._contact_s(estimate.height_m, estimate.sink_mps, self._final_mps(estimate))
+        contact_s = self._contact_s(self._fall(estimate, estimate.sink_mps), estimate.height_m)
         descent = odds = None
         if mode is Mode.LAND or (mode is Mode.APPROACH and not far):
             odds = self._odds(estimate, before[1], reference, gains)
@@ -287,7 +287,7 @@ class Guidance:
                 sink_mps=estimate.sink_mps,
                 offset_m=math.hypot(*estimate.offset_m.tolist()),
                 odds=odds,
-                climb_lag_s=self._response.climb_lag_s,
+                climb_in_s=self._response.climb_in_s,
                 hover_height_m=self._hover_height_m,
             )
             descent = next_descent(before[1], outlook, parameters.descent)
@@ -307,29 +307,30 @@ class Guidance:
 
     def _odds(self, estimate: Estimated, before: Descent | None, reference: Reference, gains: Gains) -> float:
         """Of a landing by a final descent from now, or while it sinks from the height of the wait."""
-        descent, final_mps = self._parameters.descent, self._final_mps(estimate)
+        descent = self._parameters.descent
         height_m, sink_mps = estimate.height_m, estimate.sink_mps
         if before is None or before.phase is Phase.SINK:
             height_m, sink_mps = min(height_m, descent.wait_height_m), 0.0
-        contact_s = self._contact_s(height_m, sink_mps, final_mps)
+        fall = self._fall(estimate, sink_mps)
+        contact_s = self._contact_s(fall, height_m)
         offsets_m, covariance_m2 = self._regulator.at_contact(estimate, reference, gains, contact_s)
         odds = odds_in_area(self._rig, offsets_m, covariance_m2, estimate.bar_rad)
         tilt_mps2 = math.hypot(*(estimate.tilt_mps2 - estimate.deck_normal_mps2(contact_s)).tolist())
         odds *= odds_of_tilt(tilt_mps2, contact_s, self._response, self._parameters.levelling)
-        _, fall_mps = dropped(contact_s, sink_mps, final_mps, self._response.climb_lag_s)
+        _, fall_mps = fall.after(contact_s)
         deck_mps = estimate.deck_rises_mps(contact_s) - estimate.followed_rises_mps(contact_s)
         return odds * odds_below(descent.sink_max_mps, fall_mps + deck_mps, descent.sink_std_mps)
 
-    def _contact_s(self, height_m: float, sink_mps: float, final_mps: float) -> float:
+    def _contact_s(self, fall: Fall, height_m: float) -> float:
         """Time to contact in a final descent from a height over the deck."""
-        over_contact_m = height_m - self._parameters.descent.contact_height_m
-        return contact_in_s(over_contact_m, sink_mps, final_mps, self._response.climb_lag_s)
+        return fall.contact_in_s(height_m - self._parameters.descent.contact_height_m)
 
-    def _final_mps(self, estimate: Estimated) -> float:
-        """Sink rate over the deck that a final descent approaches: a deck may sink away from under the vehicle."""
+    def _fall(self, estimate: Estimated, sink_mps: float) -> Fall:
+        """A final descent that begins now: a deck may sink away as fast as the vehicle can follow."""
         final_mps, response = self._parameters.descent.final_descent_mps, self._response
-        most_mps = response.max_climb_mps + estimate.followed_rises_mps(response.climb_lag_s)
-        return min(final_mps, max(most_mps, _SLOWEST_SHARE * final_mps))
+        most_mps = response.max_climb_mps + estimate.followed_rises_mps(response.climb_in_s)
+        final_mps = min(final_mps, max(most_mps, _SLOWEST_SHARE * final_mps))
+        return Fall(sink_mps, final_mps, response.climb_lag_s, response.climb_after_s)
 
     def _reference(self, mode: Mode, estimate: Estimated, before: Reference | None, step_s: float) -> Reference:
         """The reference a cycle later, towards the mode's goal; reset where the aircraft cannot follow it."""
@@ -341,7 +342,7 @@ class Guidance:
 
     def _descent_mps(self, estimate: Estimated, descent: Descent) -> float:
         """Climb rate of a landing, upward: with the deck, as it moves when a climb rate has come about."""
-        rate_mps = estimate.followed_rises_mps(self._response.climb_lag_s)
+        rate_mps = estimate.followed_rises_mps(self._response.climb_in_s)
         if descent.phase is Phase.FINAL_DESCENT:
             return rate_mps - self._parameters.descent.final_descent_mps
         return rate_mps + descent.rate_mps + self._climb_mps(descent.height_m, estimate)

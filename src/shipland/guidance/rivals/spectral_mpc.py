@@ -343,7 +343,7 @@ class SpectralPilot(ModePilot):
         height_m = self._references.height_m(position.aircraft_in_bar_m)
         sink_mps = 0.01 * approach.descent_percent * response.max_climb_mps
         meets_mps = self._near.heave_mps(max(height_m, 0.0) / sink_mps)
-        heave_mps = self._near.heave_mps(response.uplink_s + response.climb_lag_s)
+        heave_mps = self._near.heave_mps(response.uplink_s + response.climb_dead_s + response.climb_lag_s)
         if height_m > approach.commit_height_m and abs(meets_mps) > calm_mps:
             return clamp(100.0 * heave_mps / response.max_climb_mps, 100.0)
         return clamp(100.0 * heave_mps / response.max_climb_mps - approach.descent_percent, 100.0)
