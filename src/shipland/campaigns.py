@@ -250,8 +250,6 @@ def campaign(
     first_seed, pilots, changes = checked_seed(first_seed), _several(pilot), _several(settings)
     if runs < 1:
         raise ConfigError(f"runs must be at least 1, got {runs}")
-    if workers is not None and workers < 0:
-        raise ConfigError(f"workers must be 0 or more, or None for one a core, got {workers}")
     if not time_limit_s >= 0.0:
         raise ConfigError(f"time_limit_s must be 0, for no limit, or more, got {time_limit_s}")
     if oracle_motions == 1 or oracle_motions < 0:
@@ -286,6 +284,8 @@ def fly_plan(
     progress: bool | Callable[[CampaignProgress], None] = True,
 ) -> Campaign:
     """Fly what a plan's folder lacks; arguments and errors as of `campaign`. No tables are written."""
+    if workers is not None and workers < 0:
+        raise ConfigError(f"workers must be 0 or more, or None for one a core, got {workers}")
     with open_campaign(plan) as opened:
         left = sum(1 for _ in opened.missing())
         if left and workers != 0:

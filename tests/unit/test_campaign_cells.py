@@ -228,6 +228,15 @@ def test_oracle_rates_are_kept(plan, monkeypatch):
     assert oracle_rates_of(cells, 2, plan.out / "oracle_rates.json") == first
 
 
+@pytest.mark.parametrize("damaged", ["[1]", '{"0": 1}', '{"0": {"share": 1.0}}', '{"0": {"interval": [0]', "\x00"])
+def test_oracle_rates_that_are_damaged_are_drawn_again(plan, damaged):
+    fly(plan)
+    cells, cache = read_cells([plan.out])[:1], plan.out / "oracle_rates.json"
+    first = oracle_rates_of(cells, 2, cache)
+    cache.write_text(damaged, encoding="utf-8")
+    assert oracle_rates_of(cells, 2, cache) == first
+
+
 def test_all_rows_stand_in_one_table_with_conditions(plan):
     fly(plan)
     write_rows(plan.out / "flights.csv", read_cells([plan.out]))

@@ -200,3 +200,8 @@ def test_deck_amplitudes_are_those_of_its_sines():
 def test_a_wrong_grid_is_refused(wrong):
     with pytest.raises(ConfigError):
         EnvelopeGrid(**wrong)
+
+
+def test_fewer_workers_than_none_are_refused():
+    with pytest.raises(ConfigError, match="workers must be 0 or more"):
+        fly_envelopes([base()], GRID, workers=-1)

@@ -81,6 +81,18 @@ def test_a_log_becomes_a_bag_that_rosbags_reads(tmp_path: Path) -> None:
         write_bag(log, tmp_path / "bag")
 
 
+def test_half_a_bag_is_not_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = write_log(tmp_path / "flight.mcap", flight(from_s=20.0, to_s=20.1))
+
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr("shipland.report.ros2_bag.odometry_of", stopped)
+        write_bag(log, tmp_path / "bag")
+    assert write_bag(log, tmp_path / "bag")["/drone/odom"] > 0
+
+
 def test_a_bag_has_no_time_below_zero_where_the_first_exposure_precedes_the_flight(tmp_path: Path) -> None:
     from rosbags.highlevel import AnyReader
 

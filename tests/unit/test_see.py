@@ -74,6 +74,8 @@ def test_one_picture_in_python_is_the_commands_line(tmp_path, bar_image):
     assert not shipland.see(bar_image, cue=plates).found
     with pytest.raises(DataError, match=r"\(H,W,3\) uint8 BGR, got \(720, 1280\) uint8"):
         shipland.see(bar_image[..., 0])
+    with pytest.raises(DataError, match=r"\(H,W,3\) uint8 BGR, got \(0, 1280, 3\)"):
+        shipland.see(bar_image[:0])
     with pytest.raises(DataError, match="same aspect"):
         shipland.see(bar_image[:300])
 

@@ -6,7 +6,9 @@ import hashlib
 import itertools
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -182,20 +184,27 @@ def rivals(cells: Sequence[CellResult]) -> str:
 
 def oracle_rates_of(cells: Sequence[CellResult], motions: int, cache: Path | None = None) -> dict[str, OracleRate]:
     """The oracle rate of each group over so many motions; drawn once, and kept in a JSON file where one is named."""
-    kept = {}
-    if cache is not None:
-        with suppress(DataError, ValueError):
-            kept = json_of(read_text(cache))
+    kept = {} if cache is None else _kept(cache)
     found: dict[str, OracleRate] = {}
     for cell in cells:
         ship, rig, airframe = cell.ship, cell.rig, cell.airframe
         key = hashlib.sha256(repr((ship, rig, airframe, motions)).encode()).hexdigest()[:16]
         if key not in kept:
-            drawn = oracle_rate(ship, rig, airframe, motions, np.random.default_rng(1))
-            kept[key] = {**vars(drawn), "interval": list(drawn.interval), "deviation_m": list(drawn.deviation_m)}
+            kept[key] = oracle_rate(ship, rig, airframe, motions, np.random.default_rng(1))
             if cache is not None:
-                write_atomically(cache, json_bytes(kept))
-        row = kept[key]
-        interval, deviation_m = Interval(*row["interval"]), tuple(row["deviation_m"])
-        found[cell.group] = OracleRate(**{**row, "interval": interval, "deviation_m": deviation_m})
+                write_atomically(cache, json_bytes({key: asdict(rate) for key, rate in kept.items()}))
+        found[cell.group] = kept[key]
     return found
+
+
+def _kept(cache: Path) -> dict[str, OracleRate]:
+    """Those of a cache; none of one that is missing or damaged."""
+    with suppress(DataError, ValueError, TypeError, AttributeError, KeyError):
+        return {key: _rate_of(row) for key, row in json_of(read_text(cache)).items()}
+    return {}
+
+
+def _rate_of(row: dict[str, Any]) -> OracleRate:
+    (low, high), (forward_m, starboard_m) = map(float, row["interval"]), map(float, row["deviation_m"])
+    interval, deviation_m = Interval(low, high), (forward_m, starboard_m)
+    return OracleRate(float(row["share"]), interval, deviation_m, float(row["sway_m"]), int(row["motions"]))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from shipland.errors import ConfigError, DataError
 from shipland.record.foxglove_scene import nanoseconds
-from shipland.record.reader import read_log
+from shipland.record.reader import FlightLog, read_log
 from shipland.vehicles.ros2.conversions import gimbal_message, odometry_of
 from shipland.vehicles.ros2.image_messages import camera_info, jpeg_message
 from shipland.vehicles.ros2.setup import OUR_TOPICS, vehicle_topics
@@ -56,33 +57,41 @@ def write_bag(log_path: Path, folder: Path, namespace: str = "drone") -> dict[st
     if folder.exists():
         raise ConfigError(f"{folder} is there already: name another folder for the bag, or remove it")
     folder.parent.mkdir(parents=True, exist_ok=True)
-    with Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
-        bag, topics = _Bag(writer), vehicle_topics(namespace, {})
-        odom = bag.publisher(topics["odom"], "nav_msgs/msg/Odometry")
-        mount = bag.publisher(topics["gimbal"], "geometry_msgs/msg/QuaternionStamped")
-        image = bag.publisher(f"{topics['image']}/compressed", "sensor_msgs/msg/CompressedImage")
-        info = bag.publisher(topics["camera_info"], "sensor_msgs/msg/CameraInfo")
+    try:
+        with Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
+            return _write(log_path, log, _Bag(writer), namespace)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)  # half a bag is none
+        raise
 
-        def stamped_s(t_s: float) -> float:  # the first exposure may precede the flight; ROS has no time below zero
-            return max(t_s, 0.0)
 
-        telling, pictures = Telling(bag, OUR_TOPICS, stamped_s), read_pictures(log_path)
-        first_s = log.records[0].frame.t_s
-        bag.time_ns = round(1e9 * stamped_s(first_s))
-        telling.deck_lies(log.header.rig.deck_in_bar_m, first_s)
-        time_ns, picture = next(pictures, _NO_PICTURE)
-        for record in log.records:
-            exposed_s, exposed_ns = stamped_s(record.frame.t_s), nanoseconds(record.frame.t_s)
-            bag.time_ns = round(1e9 * stamped_s(record.telemetry.t_s))
-            mount.send(gimbal_message(record.frame.gimbal, exposed_s))
-            odom.send(odometry_of(record.telemetry, stamped_s(record.telemetry.newest_s)))
-            while time_ns < exposed_ns:
-                time_ns, picture = next(pictures, _NO_PICTURE)
-            if picture is not None and time_ns == exposed_ns:
-                height_px, width_px, _ = picture.shape
-                info.send(camera_info(log.header.camera.scaled(width_px, height_px), exposed_s, _OPTICAL))
-                image.send(jpeg_message(picture, exposed_s, _OPTICAL))
-            telling.seen(record.observation, _OPTICAL)
-            telling.decided(record.decision, record.telemetry.t_s)
-        telling.ended(log.verdict.reason if log.verdict is not None else "no touchdown")
-        return {connection.topic: writer.counts[connection.id] for connection in writer.connections}
+def _write(log_path: Path, log: FlightLog, bag: _Bag, namespace: str) -> dict[str, int]:
+    topics = vehicle_topics(namespace, {})
+    odom = bag.publisher(topics["odom"], "nav_msgs/msg/Odometry")
+    mount = bag.publisher(topics["gimbal"], "geometry_msgs/msg/QuaternionStamped")
+    image = bag.publisher(f"{topics['image']}/compressed", "sensor_msgs/msg/CompressedImage")
+    info = bag.publisher(topics["camera_info"], "sensor_msgs/msg/CameraInfo")
+
+    def stamped_s(t_s: float) -> float:  # the first exposure may precede the flight; ROS has no time below zero
+        return max(t_s, 0.0)
+
+    telling, pictures = Telling(bag, OUR_TOPICS, stamped_s), read_pictures(log_path)
+    first_s = log.records[0].frame.t_s
+    bag.time_ns = round(1e9 * stamped_s(first_s))
+    telling.deck_lies(log.header.rig.deck_in_bar_m, first_s)
+    time_ns, picture = next(pictures, _NO_PICTURE)
+    for record in log.records:
+        exposed_s, exposed_ns = stamped_s(record.frame.t_s), nanoseconds(record.frame.t_s)
+        bag.time_ns = round(1e9 * stamped_s(record.telemetry.t_s))
+        mount.send(gimbal_message(record.frame.gimbal, exposed_s))
+        odom.send(odometry_of(record.telemetry, stamped_s(record.telemetry.newest_s)))
+        while time_ns < exposed_ns:
+            time_ns, picture = next(pictures, _NO_PICTURE)
+        if picture is not None and time_ns == exposed_ns:
+            height_px, width_px, _ = picture.shape
+            info.send(camera_info(log.header.camera.scaled(width_px, height_px), exposed_s, _OPTICAL))
+            image.send(jpeg_message(picture, exposed_s, _OPTICAL))
+        telling.seen(record.observation, _OPTICAL)
+        telling.decided(record.decision, record.telemetry.t_s)
+    telling.ended(log.verdict.reason if log.verdict is not None else "no touchdown")
+    return {connection.topic: bag.writer.counts[connection.id] for connection in bag.writer.connections}

@@ -116,7 +116,7 @@ def see(
     """
     path = Path("picture") if isinstance(image, np.ndarray) else Path(image)
     pixels = image if isinstance(image, np.ndarray) else read_picture(path)
-    if pixels.ndim != 3 or pixels.shape[2] != 3 or pixels.dtype != np.uint8:
+    if pixels.ndim != 3 or pixels.shape[2] != 3 or 0 in pixels.shape or pixels.dtype != np.uint8:
         raise DataError(f"a picture is (H,W,3) uint8 BGR, got {pixels.shape} {pixels.dtype}")
     cue = Rig().cue if cue is None else cue if isinstance(cue, Cue) else Cue.from_file(Path(cue))
     if camera is None:
