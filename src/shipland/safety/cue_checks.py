@@ -8,7 +8,8 @@ hangs, whatever the aircraft does. Poses that follow one another are the vision'
 Size: a cue that is not as large as stated, or a focal length that is not the camera's, makes the bar nearer or
 farther by a share, which no picture shows. Own way and poses together do: of a ship without way, the distance to the
 bar's plane changes by what the vehicle travels. Least squares of d = a + c·t − s·w: the distance d, the own way w
-towards the bar, and c for the ship's drift and the velocity's error; s is wanted. What is old is forgotten. A ship
+towards the bar, and c for the ship's drift and the velocity's error; s is wanted. What is old is forgotten, and a
+hover tells nothing: what optical flow shows of the deck's own motion is then all of the way, and flattens s. A ship
 with way on is not judged: optical flow tells the velocity against the water astern of the deck, and against the deck
 above it.
 """
@@ -133,6 +134,8 @@ _LARGEST = 1e12
 """What is larger, or no number, is none of a flight's."""
 _WAVES_SHARE = 0.2
 """Of the deck's side, by which the bar moves, beside what poses err by their covariance."""
+_FLOW_SHARE = 0.12
+"""Of the deck's side, by which the deck's motion in the optical flow falsifies the way: measured in sea state 5."""
 _PERIOD_S = 3.0
 """Errors that are nearer in time are one: half a period of the waves at the rig's scale."""
 _LEAST_SHARE = 0.05
@@ -141,6 +144,8 @@ _LEAST_S = 9.0
 """Of poses, before the scale is judged: a shorter way may be a wave's."""
 _STILL_MPS = 0.25
 """A ship that drifts faster is not judged."""
+_LEAST_M2 = 1e-6
+"""For the way's variance."""
 _LEAST_SCALE = 0.2
 """For the drift; nothing is so wrong."""
 _DRIFT_S = 5.0
@@ -161,7 +166,7 @@ class WayScale:
     """
 
     def __init__(self, deck_size_m: float) -> None:
-        self._waves_m2 = (_WAVES_SHARE * deck_size_m) ** 2
+        self._waves_m2, self._flow_m2 = (_WAVES_SHARE * deck_size_m) ** 2, (_FLOW_SHARE * deck_size_m) ** 2
         self.scale, self.sigma = 1.0, math.inf
         self._sums: Array = np.zeros(_SUMS)
         self._before: Array = np.zeros(4)
@@ -209,7 +214,10 @@ class WayScale:
         way = north_m * math.cos(bar_heading_rad) + east_m * math.sin(bar_heading_rad)
         weight = taken_s / (self._waves_m2 + max(variance_m2, 0.0))
         kept = math.exp(-step_s / _MEMORY_S)
-        scale, sigma, drift_mps = _fitted(self._sums, self._before, kept, weight, lasted_s, distance_m, way)
+        scale, sigma, drift_mps, spread_m2 = _fitted(self._sums, self._before, kept, weight, lasted_s, distance_m, way)
+        # What the deck's motion adds to the way flattens the fit, by that share of the way's variance.
+        flattened = 1.0 - self._flow_m2 / max(spread_m2, _LEAST_M2)
+        sigma = math.hypot(sigma, math.log(flattened)) if flattened > 0.0 else math.inf
         known = lasted_s >= _DRIFT_S
         self._under_way |= known and drift_mps > _UNDER_WAY_MPS and sigma < _SURE
         judged = known and self._seen_s >= _LEAST_S and drift_mps < _STILL_MPS and not self._under_way
@@ -238,8 +246,8 @@ def _centred(sums: Array) -> tuple[float, float, float, float, float, float, flo
 @compiled
 def _fitted(
     sums: Array, before: Array, kept: float, weight: float, t: float, d: float, w: float
-) -> tuple[float, float, float]:
-    """Scale, its standard deviation, and the drift, with one pose more."""
+) -> tuple[float, float, float, float]:
+    """Scale, its standard deviation, the drift, and the variance of the way, with one pose more."""
     for i, value in enumerate((1.0, t, t * t, w, t * w, w * w, d, t * d, w * d, d * d)):
         sums[i] = kept * sums[i] + weight * value
     for i in range(4):
@@ -247,8 +255,8 @@ def _fitted(
     ww, wd, dd, n, tt, tw, td = _centred(sums)
     ww, wd, dd, n = ww + before[0], wd + before[1], dd + before[2], n + before[3]
     if not (ww > 0.0 and tt > 0.0):
-        return 1.0, math.inf, math.inf
+        return 1.0, math.inf, math.inf, 0.0
     scale = -wd / ww
     variance = max((dd - wd * wd / ww) / n, _LEAST_SHARE)
     drift_mps = abs(td + scale * tw) / tt / max(abs(scale), _LEAST_SCALE)
-    return scale, math.sqrt(_PERIOD_S * variance / ww), drift_mps
+    return scale, math.sqrt(_PERIOD_S * variance / ww), drift_mps, ww / n
