@@ -301,7 +301,9 @@ def test_a_call_is_answered_where_connecting_fails() -> None:
     """By the only word it gets: the node is gone when the vehicle is closed."""
     with bench("&wait=1", take=False, connect_timeout_s=5.0) as (vehicle, drone):
         drone.silent, told = True, list[str]()
-        drone.node.subscribe("shipland/result", "std_msgs/msg/String", lambda result: told.append(result.data))
+        drone.node.subscribe(
+            "shipland/result", "std_msgs/msg/String", lambda result: told.append(result.data), reliable=True
+        )
         land = drone.node.publisher("shipland/land", "std_msgs/msg/Bool")
         failed = list[str]()
 
