@@ -315,11 +315,12 @@ def test_a_call_is_answered_where_connecting_fails() -> None:
 
         connecting = threading.Thread(target=connect, daemon=True)
         connecting.start()
-        assert until(lambda: land.heard)
+        assert until(lambda: land.heard and vehicle._telling and vehicle._telling._result.heard)
         land.send(message("std_msgs/msg/Bool", data=True))
         connecting.join(20.0)
         assert "camera_info has not come" in failed[0]
-        assert until(lambda: told == failed)
+        assert until(lambda: told)
+        assert told == failed
 
 
 def test_who_waits_for_no_call_answers_none() -> None:
