@@ -249,7 +249,7 @@ def test_with_a_ship_that_circles_place_and_velocity_are_carried_on_and_no_furth
 
 def way(scale, ship_mps=0.0, told=True, gap_s=None):
     """An approach from 12 m and a hover of ten seconds, by poses that err by `scale`; a swell of 10 cm."""
-    fit, rng = WayScale(RIG), np.random.default_rng(3)
+    fit, rng = WayScale(RIG.deck_size_m), np.random.default_rng(3)
     for t_s in np.arange(0.0, 20.0, 0.1):
         own_m = 10.0 * (1.0 - math.exp(-t_s / 4.0)) + ship_mps * t_s
         if gap_s is not None and gap_s <= t_s < gap_s + 1.0:
@@ -267,16 +267,7 @@ def way(scale, ship_mps=0.0, told=True, gap_s=None):
 def test_the_vehicles_own_way_tells_the_scale_of_the_poses(scale, gap_s):
     fit = way(scale, gap_s=gap_s)
     assert fit.scale == pytest.approx(scale, abs=0.06)
-    assert fit.sigma < (0.06 if gap_s is None else 0.4)
-
-
-def test_a_hover_over_a_deck_that_moves_in_the_optical_flow_tells_no_scale():
-    fit = WayScale(RIG)
-    for t_s in np.arange(0.0, 60.0, 0.1):
-        moved_m, deck_m = 0.15 * math.sin(0.5 * t_s), 0.2 * math.sin(2.0 * t_s)
-        fit.take(t_s, 2.1 - moved_m, 0.0, (moved_m + deck_m, 0.0), 1e-4)
-    assert fit.scale < 0.6, "flattened"
-    assert abs(math.log(fit.scale)) - fit.sigma < PARAMETERS.monitor.scale_off
+    assert fit.sigma < (0.05 if gap_s is None else 0.1)
 
 
 def test_the_scale_is_not_judged_to_a_ship_under_way_nor_without_an_own_velocity():

@@ -8,10 +8,9 @@ hangs, whatever the aircraft does. Poses that follow one another are the vision'
 Size: a cue that is not as large as stated, or a focal length that is not the camera's, makes the bar nearer or
 farther by a share, which no picture shows. Own way and poses together do: of a ship without way, the distance to the
 bar's plane changes by what the vehicle travels. Least squares of d = a + c·t − s·w: the distance d, the own way w
-towards the bar, and c for the ship's drift and the velocity's error; s is wanted. What is old is forgotten, and a
-hover over the deck tells nothing: the deck's own motion in the optical flow is then most of the way, and flattens s.
-A ship with way on is not judged: optical flow tells the velocity against the water astern of the deck, and against the
-deck above it.
+towards the bar, and c for the ship's drift and the velocity's error; s is wanted. What is old is forgotten. A ship
+with way on is not judged: optical flow tells the velocity against the water astern of the deck, and against the deck
+above it.
 """
 
 from __future__ import annotations
@@ -134,8 +133,6 @@ _LARGEST = 1e12
 """What is larger, or no number, is none of a flight's."""
 _WAVES_SHARE = 0.2
 """Of the deck's side, by which the bar moves, beside what poses err by their covariance."""
-_FLOW_SHARE = 0.15
-"""Of the deck's side, by which the deck's motion in the optical flow falsifies the way: measured in sea state 5."""
 _PERIOD_S = 3.0
 """Errors that are nearer in time are one: half a period of the waves at the rig's scale."""
 _LEAST_SHARE = 0.05
@@ -144,8 +141,6 @@ _LEAST_S = 9.0
 """Of poses, before the scale is judged: a shorter way may be a wave's."""
 _STILL_MPS = 0.25
 """A ship that drifts faster is not judged."""
-_LEAST = 1e-9
-"""For the way's sum of squares."""
 _LEAST_SCALE = 0.2
 """For the drift; nothing is so wrong."""
 _DRIFT_S = 5.0
@@ -158,18 +153,15 @@ class WayScale:
     """The fit of one flight.
 
     Args:
-        rig: with the deck, its size and its way from the bar.
+        deck_size_m: side of the deck.
 
     Attributes:
         scale: distances by poses over the vehicle's own; 1 where it is not judged.
         sigma: its standard deviation; infinite where it is not judged.
     """
 
-    def __init__(self, rig: Rig) -> None:
-        self._waves_m2, self._flow_m2 = (_WAVES_SHARE * rig.deck_size_m) ** 2, (_FLOW_SHARE * rig.deck_size_m) ** 2
-        self._over_deck_m = 0.5 * rig.deck_size_m - float(rig.deck_in_bar_m[0])
-        self._over_deck = 0.0
-        """Weight of poses over the deck."""
+    def __init__(self, deck_size_m: float) -> None:
+        self._waves_m2 = (_WAVES_SHARE * deck_size_m) ** 2
         self.scale, self.sigma = 1.0, math.inf
         self._sums: Array = np.zeros(_SUMS)
         self._before: Array = np.zeros(4)
@@ -217,13 +209,7 @@ class WayScale:
         way = north_m * math.cos(bar_heading_rad) + east_m * math.sin(bar_heading_rad)
         weight = taken_s / (self._waves_m2 + max(variance_m2, 0.0))
         kept = math.exp(-step_s / _MEMORY_S)
-        scale, sigma, drift_mps, way_squared = _fitted(
-            self._sums, self._before, kept, weight, lasted_s, distance_m, way
-        )
-        self._over_deck = kept * self._over_deck + (weight if distance_m < self._over_deck_m else 0.0)
-        # What the deck's motion adds to the way flattens the fit, by that share of the way's sum of squares.
-        flattened = 1.0 - self._flow_m2 * self._over_deck / max(way_squared, _LEAST)
-        sigma = math.hypot(sigma, math.log(flattened)) if flattened > 0.0 else math.inf
+        scale, sigma, drift_mps = _fitted(self._sums, self._before, kept, weight, lasted_s, distance_m, way)
         known = lasted_s >= _DRIFT_S
         self._under_way |= known and drift_mps > _UNDER_WAY_MPS and sigma < _SURE
         judged = known and self._seen_s >= _LEAST_S and drift_mps < _STILL_MPS and not self._under_way
@@ -252,8 +238,8 @@ def _centred(sums: Array) -> tuple[float, float, float, float, float, float, flo
 @compiled
 def _fitted(
     sums: Array, before: Array, kept: float, weight: float, t: float, d: float, w: float
-) -> tuple[float, float, float, float]:
-    """Scale, its standard deviation, the drift, and the way's sum of squares, with one pose more."""
+) -> tuple[float, float, float]:
+    """Scale, its standard deviation, and the drift, with one pose more."""
     for i, value in enumerate((1.0, t, t * t, w, t * w, w * w, d, t * d, w * d, d * d)):
         sums[i] = kept * sums[i] + weight * value
     for i in range(4):
@@ -261,8 +247,8 @@ def _fitted(
     ww, wd, dd, n, tt, tw, td = _centred(sums)
     ww, wd, dd, n = ww + before[0], wd + before[1], dd + before[2], n + before[3]
     if not (ww > 0.0 and tt > 0.0):
-        return 1.0, math.inf, math.inf, 0.0
+        return 1.0, math.inf, math.inf
     scale = -wd / ww
     variance = max((dd - wd * wd / ww) / n, _LEAST_SHARE)
     drift_mps = abs(td + scale * tw) / tt / max(abs(scale), _LEAST_SCALE)
-    return scale, math.sqrt(_PERIOD_S * variance / ww), drift_mps, ww
+    return scale, math.sqrt(_PERIOD_S * variance / ww), drift_mps

@@ -223,7 +223,7 @@ class SafetyEstimator:
         self._ways, self._sights = np.zeros((_ROWS, 3)), np.zeros((_ROWS, 5))
         """Rows of time, north, east by the vehicle's own velocity; and of exposure, place in the bar, its heading."""
         self._contradicted_s: tuple[float, ...] = ()
-        self._way_scale = WayScale(rig)
+        self._way_scale = WayScale(rig.deck_size_m)
 
     def updated(self, observation: Observation, telemetry: Telemetry) -> SafetyEstimate:
         """The estimate after a cycle; what is None or not finite changes nothing."""
