@@ -27,7 +27,7 @@ from shipland.rig import Rig
 from shipland.safety.assurance import Safety, SafetyParameters
 from shipland.safety.cue_checks import WayScale
 from shipland.safety.estimate import SafetyEstimate, SafetyEstimator
-from shipland.safety.monitor import Action, Finding, stopping_distance_m
+from shipland.safety.monitor import Action, Finding, MonitorParameters, stopping_distance_m
 from shipland.safety.recovery import REFUSED_S, Recovery, Rung, Switch, next_switch, sticks_of
 
 PARAMETERS = SafetyParameters()
@@ -273,6 +273,15 @@ def test_the_vehicles_own_way_tells_the_scale_of_the_poses(scale, gap_s):
 def test_the_scale_is_not_judged_to_a_ship_under_way_nor_without_an_own_velocity():
     assert math.isinf(way(0.7, ship_mps=2.0).sigma)
     assert math.isinf(way(0.7, told=False).sigma)
+
+
+def test_a_hover_that_follows_the_waves_tells_no_scale():
+    fit = way(1.0)
+    for t_s in np.arange(20.0, 120.0, 0.1):
+        own_m = 10.0 + 0.25 * math.sin(t_s)
+        fit.take(t_s, 2.0, 0.5, (own_m * math.cos(0.5), own_m * math.sin(0.5)), 4e-4)
+        off = abs(math.log(max(fit.scale, 0.01))) - fit.sigma
+        assert off < MonitorParameters().scale_off or math.isinf(fit.sigma)
 
 
 @pytest.mark.parametrize("told", [math.nan, math.inf, 1e200])

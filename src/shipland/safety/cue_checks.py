@@ -8,9 +8,10 @@ hangs, whatever the aircraft does. Poses that follow one another are the vision'
 Size: a cue that is not as large as stated, or a focal length that is not the camera's, makes the bar nearer or
 farther by a share, which no picture shows. Own way and poses together do: of a ship without way, the distance to the
 bar's plane changes by what the vehicle travels. Least squares of d = a + c·t − s·w: the distance d, the own way w
-towards the bar, and c for the ship's drift and the velocity's error; s is wanted. What is old is forgotten. A ship
-with way on is not judged: optical flow tells the velocity against the water astern of the deck, and against the deck
-above it.
+towards the bar, and c for the ship's drift and the velocity's error; s is wanted. What is old is forgotten. A way
+that varies by less than waves move the bar is not judged: a hover follows the bar, its distance stays, and s would
+come out too small. A ship with way on is not judged: optical flow tells the velocity against the water astern of the
+deck, and against the deck above it.
 """
 
 from __future__ import annotations
@@ -209,10 +210,11 @@ class WayScale:
         way = north_m * math.cos(bar_heading_rad) + east_m * math.sin(bar_heading_rad)
         weight = taken_s / (self._waves_m2 + max(variance_m2, 0.0))
         kept = math.exp(-step_s / _MEMORY_S)
-        scale, sigma, drift_mps = _fitted(self._sums, self._before, kept, weight, lasted_s, distance_m, way)
+        scale, sigma, drift_mps, way_m2 = _fitted(self._sums, self._before, kept, weight, lasted_s, distance_m, way)
         known = lasted_s >= _DRIFT_S
         self._under_way |= known and drift_mps > _UNDER_WAY_MPS and sigma < _SURE
-        judged = known and self._seen_s >= _LEAST_S and drift_mps < _STILL_MPS and not self._under_way
+        told = self._seen_s >= _LEAST_S and way_m2 > self._waves_m2
+        judged = known and told and drift_mps < _STILL_MPS and not self._under_way
         self.scale, self.sigma = (scale, sigma) if judged else (1.0, math.inf)
 
 
@@ -238,8 +240,8 @@ def _centred(sums: Array) -> tuple[float, float, float, float, float, float, flo
 @compiled
 def _fitted(
     sums: Array, before: Array, kept: float, weight: float, t: float, d: float, w: float
-) -> tuple[float, float, float]:
-    """Scale, its standard deviation, and the drift, with one pose more."""
+) -> tuple[float, float, float, float]:
+    """Scale, its standard deviation, the drift, and the way's variance beside place and drift, with one pose more."""
     for i, value in enumerate((1.0, t, t * t, w, t * w, w * w, d, t * d, w * d, d * d)):
         sums[i] = kept * sums[i] + weight * value
     for i in range(4):
@@ -247,8 +249,8 @@ def _fitted(
     ww, wd, dd, n, tt, tw, td = _centred(sums)
     ww, wd, dd, n = ww + before[0], wd + before[1], dd + before[2], n + before[3]
     if not (ww > 0.0 and tt > 0.0):
-        return 1.0, math.inf, math.inf
+        return 1.0, math.inf, math.inf, 0.0
     scale = -wd / ww
     variance = max((dd - wd * wd / ww) / n, _LEAST_SHARE)
     drift_mps = abs(td + scale * tw) / tt / max(abs(scale), _LEAST_SCALE)
-    return scale, math.sqrt(_PERIOD_S * variance / ww), drift_mps
+    return scale, math.sqrt(_PERIOD_S * variance / ww), drift_mps, ww / n
