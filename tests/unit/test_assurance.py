@@ -25,6 +25,7 @@ from shipland.messages import (
 )
 from shipland.rig import Rig
 from shipland.safety.assurance import Safety, SafetyParameters
+from shipland.safety.axes import Axes
 from shipland.safety.cue_checks import WayScale
 from shipland.safety.estimate import SafetyEstimate, SafetyEstimator
 from shipland.safety.monitor import Action, Finding, MonitorParameters, stopping_distance_m
@@ -63,6 +64,7 @@ class Flight:
         self.ship_mps = np.zeros(3)
         self.seen, self.override, self.gimbal_off_rad = True, None, 0.0
         self.seen_off_m, self.waves_off = np.zeros(3), False
+        self.reversed = ""
         self.late = [(self.t_s, self.place_m.copy())] * 6
         self.decisions = []
 
@@ -92,6 +94,8 @@ class Flight:
         return self
 
     def move(self, command):
+        if self.reversed:
+            command = replace(command, **{self.reversed: -getattr(command, self.reversed)})
         given = np.array([self.response.input_of(stick) for stick in (command.pitch_percent, command.roll_percent)])
         if command.intent is Intent.HOLD or (not given.any() and self.response.hold_below_percent > 0.0):
             given = (
@@ -317,6 +321,67 @@ def test_what_the_vehicle_complains_of_is_not_landed_with():
     assert "the vehicle says: estimator unhealthy" in flight.said
 
 
+@pytest.mark.parametrize("response", [ANAFI_LIKE, TILTS, SPEEDS])
+@pytest.mark.parametrize("stick", ["pitch", "roll", "heave"])
+def test_a_vehicle_that_answers_a_stick_the_other_way_round_is_let_go(stick, response):
+    flight = Flight((-12.0, 0.0, -1.5), response=response)
+    flight.reversed = f"{stick}_percent"
+    flight.fly(1.5, {flight.reversed: 50.0})
+    assert f"the vehicle answers the {stick} stick the other way round: release" in flight.said
+    flight.fly(5.0, {flight.reversed: 50.0})
+    assert flight.decisions[-1].command.intent is Intent.HOLD
+    assert not any(flight.decisions[-1].command.sticks_percent)
+    assert np.abs(flight.velocity_mps).max() < 0.3
+
+
+def test_a_recovery_too_lets_go_of_a_stick_that_is_answered_the_other_way_round():
+    flight = Flight(over_deck(1.2)).fly(1.0, {})
+    flight.reversed, flight.waves_off = "heave_percent", True
+    flight.fly(1.5, LANDING)
+    assert "red light: go_around" in flight.said
+    assert flight.said.endswith("other way round: release")
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("response", [ANAFI_LIKE, SPEEDS])
+def test_late_answers_are_held_against_the_stick_of_their_time(response, sign):
+    """Sticks from stop to stop within a second, told 0.3 s late at 5 Hz: half a turn late would look reversed."""
+    axes, lag_s = Axes(response), response.lag_s if response.kind == "attitude" else 1.0 / response.servo_per_s
+    share, told, found = 0.0, Telemetry(0.0, flying=True), set()
+    for cycle in range(300):
+        t_s = cycle / 30.0
+        stick = 1.0 if math.sin(2.0 * math.pi * t_s) > 0.0 else -1.0
+        axes.take(PilotCommand(t_s - response.uplink_s - response.dead_time_s, 0.0, 100.0 * stick, 0.0, 0.0, 0.0), told)
+        share += (1.0 - math.exp(-1.0 / 30.0 / lag_s)) * (stick - share)
+        if cycle % 6 == 0:
+            tilt_rad = sign * share * response.max_tilt_rad if response.kind == "attitude" else 0.0
+            speed_mps = np.array([0.0, sign * share * response.max_speed_mps, 0.0])
+            told = Telemetry(t_s + 0.3, tilt_rad, 0.0, 0.0, 5.0, speed_mps, flying=True, attitude_t_s=t_s,
+                             velocity_t_s=t_s, heading_t_s=t_s)  # fmt: skip
+        found.add(axes.reversed_stick)
+    assert found == ({""} if sign > 0.0 else {"", "roll"})
+
+
+def test_a_vehicle_that_is_blown_away_against_its_sticks_is_not_reversed():
+    axes = Axes(SPEEDS)
+    for cycle in range(150):
+        t_s = cycle / 30.0
+        blown_mps = np.array([-0.5 * SPEEDS.max_speed_mps, 0.0, 0.0])
+        told = Telemetry(t_s, 0.0, -SPEEDS.max_tilt_rad, 0.0, 5.0, blown_mps, flying=True)
+        axes.take(PilotCommand(t_s, 100.0, 0.0, 0.0, 0.0, 0.0), told)
+        assert not axes.reversed_stick
+
+
+@pytest.mark.parametrize("turns", [1.0, -1.0])
+def test_a_nose_that_turns_away_from_its_stick_is_reversed(turns):
+    axes = Axes(ANAFI_LIKE)
+    for cycle in range(60):
+        t_s = cycle / 30.0
+        heading_rad = wrap_angle(3.0 + turns * 0.5 * ANAFI_LIKE.max_turn_rad_s * t_s)
+        axes.take(PilotCommand(t_s, 0.0, 0.0, 0.0, 50.0, 0.0), Telemetry(t_s, 0.0, 0.0, heading_rad, flying=True))
+    assert axes.reversed_stick == ("" if turns > 0.0 else "yaw")
+
+
 @pytest.mark.parametrize("over_deck_m", [1.2, 0.3])
 def test_a_ship_that_waves_off_is_obeyed_at_any_height_and_flown_near_meanwhile(over_deck_m):
     flight = Flight(over_deck(over_deck_m)).fly(1.0, {})
@@ -476,7 +541,7 @@ def test_the_ladder_is_climbed_one_way_and_ends(rung, tries, calm):
     ladder = [*RECOVERY.ladder, *RECOVERY.ladder[-1:]]
     if rung is Rung.BRAKE:
         assert after.recovery is None  # nothing stands ahead there
-    elif rung is Rung.LAND or rung is Rung.RETURN:
+    elif rung in (Rung.LAND, Rung.RETURN, Rung.RELEASE):
         assert after.recovery is not None
     elif calm and tries <= RECOVERY.tries:
         assert after.recovery is None
@@ -510,7 +575,7 @@ def test_stopping_distance_by_hand():
 
 
 def test_graver_findings_come_first():
-    assert sorted(Action) == [Action.NO_GO, Action.BRAKE, Action.GO_AROUND, Action.REFUSE]
+    assert sorted(Action) == [Action.NO_GO, Action.BRAKE, Action.GO_AROUND, Action.REFUSE, Action.RELEASE]
 
 
 @pytest.mark.parametrize("section", ["", "monitor", "recovery"])

@@ -16,6 +16,7 @@ from shipland.frames import Array
 from shipland.guidance.response import Response
 from shipland.messages import Decision, Intent, Mode, Observation, Override, PilotCommand, Telemetry
 from shipland.rig import Rig
+from shipland.safety.axes import Axes
 from shipland.safety.cue_checks import CueHeight, CueHeightParameters
 from shipland.safety.estimate import Place, SafetyEstimate, SafetyEstimator, Vector
 from shipland.safety.monitor import Look, MonitorParameters, Ship, findings
@@ -89,7 +90,7 @@ class Safety:
         self._estimator = SafetyEstimator(rig, camera, camera_in_body_m)
         self._estimate = SafetyEstimate()
         self._switch = Switch()
-        self._cue_height = CueHeight.of(parameters.cue_height, rig)
+        self._cue_height, self._axes = CueHeight.of(parameters.cue_height, rig), Axes(response)
         self._last: PilotCommand | None = None
 
     @property
@@ -111,6 +112,7 @@ class Safety:
         monitor judges afresh.
         """
         self._estimate = self._estimator.updated(observation, telemetry)
+        self._axes.take(self._last, telemetry)
         if override is not None:
             decision = _by_hand(decision, override, telemetry.t_s, self._last)
         command, notes = self._sound(decision.command, telemetry.t_s)
@@ -166,6 +168,7 @@ class Safety:
             ship=self._ship,
             response=self._response,
             limits=self._parameters.monitor,
+            reversed_stick=self._axes.reversed_stick,
         )
 
     def _at_contact_height(self, t_s: float) -> bool:

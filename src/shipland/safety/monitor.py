@@ -32,6 +32,8 @@ class Action(enum.IntEnum):
     """A landing is broken off at any height."""
     REFUSE = 4
     """Away from the ship, and another try only when this has not been found for `recovery.REFUSED_S`."""
+    RELEASE = 5
+    """The sticks are released, and the vehicle holds by itself; then as after `REFUSE`."""
 
 
 @dataclass(frozen=True)
@@ -134,6 +136,7 @@ class Look(NamedTuple):
         ship: what must not be struck.
         response: of the vehicle.
         limits: bounds.
+        reversed_stick: one that the vehicle answers the other way round; empty where none is.
     """
 
     t_s: float
@@ -146,6 +149,7 @@ class Look(NamedTuple):
     ship: Ship
     response: Response
     limits: MonitorParameters
+    reversed_stick: str = ""
 
     @property
     def landing(self) -> bool:
@@ -339,6 +343,13 @@ def vehicle_complains(look: Look) -> Finding | None:
     return Finding(Action.NO_GO, f"the vehicle says: {look.telemetry.alerts}") if look.telemetry.alerts else None
 
 
+def answers_reversed(look: Look) -> Finding | None:
+    """The vehicle answers a stick the other way round: whatever is flown with it is flown the wrong way."""
+    if not look.reversed_stick:
+        return None
+    return Finding(Action.RELEASE, f"the vehicle answers the {look.reversed_stick} stick the other way round")
+
+
 RULES: tuple[Rule, ...] = (
     bar_ahead,
     off_the_deck,
@@ -353,6 +364,7 @@ RULES: tuple[Rule, ...] = (
     telemetry_old,
     waved_off,
     vehicle_complains,
+    answers_reversed,
 )
 """All of them; order says nothing."""
 

@@ -37,6 +37,8 @@ class Rung(enum.Enum):
     """Where it is, until what was found has passed."""
     RETURN = "return"
     """Astern, the way that it came, and hold there."""
+    RELEASE = "release"
+    """Sticks released: the vehicle holds by itself; no step of the ladder."""
     LAND = "land"
     """Straight down where it is, when the battery is low: a ditching, for those who ask for it."""
 
@@ -69,7 +71,8 @@ class RecoveryParameters:
 
     def __post_init__(self) -> None:
         require(len(self.ladder) > 0, "ladder must hold at least one step")
-        require(Rung.BRAKE not in self.ladder, "brake is no step of the ladder: it ends by itself")
+        for rung in (Rung.BRAKE, Rung.RELEASE):
+            require(rung not in self.ladder, f"{rung.value} is no step of the ladder: it is for what was found")
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,8 @@ def sticks_of(
     parameters: RecoveryParameters,
 ) -> PilotCommand:
     """The command of one cycle of a rung, at `t_s` [s]; `gimbal_rad` is the camera's pitch where nothing tells it."""
+    if rung is Rung.RELEASE:
+        return PilotCommand.hold(t_s, _gimbal_rad(estimate, gimbal_rad))
     over_m = estimate.over_deck_at(t_s, parameters.blind_s)
     low = over_m is None or over_m < parameters.clear_height_m
     climb_percent = parameters.climb_percent if rung in _AWAY and low else 0.0
@@ -218,6 +223,9 @@ def next_switch(before: Switch, look: Look, found: Sequence[Finding], parameters
     """
     if found:
         before = replace(before, found_s=look.t_s)
+    released = before.recovery is not None and before.recovery.rung is Rung.RELEASE
+    if found and found[0].action is Action.RELEASE and not released:
+        return replace(before, recovery=Recovery(Rung.RELEASE, look.t_s, found[0].words, REFUSED_S))
     if before.recovery is not None:
         return _recovering(before, before.recovery, look, found, parameters)
     if not found or not look.telemetry.flying:

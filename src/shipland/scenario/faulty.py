@@ -74,6 +74,12 @@ _LONGEST_ASKED_S = 1.0
 _HELD = 100
 """Pictures kept for late and frozen ones: three seconds."""
 _BLOCK_PX = 32
+_REVERSED = {
+    FaultKind.REVERSED_PITCH: "pitch_percent",
+    FaultKind.REVERSED_ROLL: "roll_percent",
+    FaultKind.REVERSED_HEAVE: "heave_percent",
+    FaultKind.REVERSED_YAW: "yaw_percent",
+}
 
 
 class FaultyVehicle:
@@ -150,8 +156,11 @@ class FaultyVehicle:
         stall_s, decided_s = self._stall_s(FaultKind.PILOT_STALLS), self._own_time(command.t_s)
         if stall_s > 0.0:
             self.now_s = self._vehicle.telemetry_at(self.now_s + stall_s).t_s
+        reversed_percent = {
+            stick: -getattr(command, stick) for kind, stick in _REVERSED.items() if self.now(kind) is not None
+        }
         if self.now(FaultKind.LINK_LOSS) is None:
-            self._vehicle.send(replace(command, t_s=decided_s))
+            self._vehicle.send(replace(command, t_s=decided_s, **reversed_percent))
 
     def _own_time(self, t_s: float) -> float:
         """A time of the loop, which knows the vehicle's clock from spoiled telemetry, by that clock as it is."""
