@@ -24,7 +24,7 @@ _LEAST_ASKED, _LEAST_ANSWER = 0.2, 0.15
 """Root-mean-square shares below which nothing is judged."""
 _OPPOSITE = -0.8
 """Correlation of stick and answer that none but a reversed axis has."""
-_LEANS = 0.5
+_TILTED = 0.5
 """Of the full tilt: a vehicle that tilts so far the way it is asked to go is blown, not reversed."""
 _LONGEST_STEP_S = 1.0
 """After a longer one they begin anew."""
@@ -135,7 +135,7 @@ class Axes:
             self._products[index] = _Products()
             return
         share = asked.at(t_s - back_s, self._lags_s)[index]
-        if tilt is not None and tilt * math.copysign(1.0, share) > _LEANS:
+        if tilt is not None and tilt * math.copysign(1.0, share) > _TILTED:
             answer = 0.0
         self._products[index] = self._products[index].after(step_s, share, answer)
 
