@@ -10,9 +10,10 @@ Words on standard input: `mode N`, `sticks ROLL PITCH THROTTLE YAW` (pulse width
 receiver), `silent S`, `mute S` (it hears and obeys, and says nothing), `lag S` (what it says comes so late), `set NAME
 VALUE` (of a parameter), `reboot`, `deck` (a moving deck just below), `updraft` (it sinks evenly at 0.59 of the hover
 throttle), `lose NAME` (no answer for that parameter), `deaf N` (the next N requests for a mode are lost), `deny MODE …`
-(requests for them are denied), `withhold NAME` (messages that it does not send), `refuse NUMBER` (commands that it
-denies), `miss NUMBER` (the next such command is lost), `sick` (an unhealthy gyroscope), `well`, `report`. `report`
-answers a line of JSON on standard output.
+(requests for them are denied), `withhold NAME` (messages that it does not send), `halt NAME` (the same, until their
+rate is asked for), `refuse NUMBER` (commands that it denies), `miss NUMBER` (the next such command is lost), `swallow
+NUMBER` (its answer is), `sick` (an unhealthy gyroscope), `well`, `report`. `report` answers a line of JSON on standard
+output.
 """
 
 from __future__ import annotations
@@ -67,8 +68,10 @@ class Autopilot:
         self.sick, self.deaf = False, 0
         self.denied: set[int] = set()
         self.withheld: set[str] = set()
+        self.halted: set[int] = set()
         self.refused: set[int] = set()
         self.missed: set[int] = set()
+        self.swallowed: set[int] = set()
         self.north = self.east = 0.0
         self.up = 10.0
         self.velocity = [0.0, 0.0, 0.0]  # north, east, up
@@ -130,6 +133,8 @@ class Autopilot:
     def on_command_long(self, it: Any) -> None:
         self.commands.append([it.command, it.param1, it.param2])
         result = 0
+        if it.command == 511:
+            self.halted.discard(int(it.param1))
         if it.command in self.missed:
             self.missed.discard(it.command)
             return
@@ -148,8 +153,13 @@ class Autopilot:
             self.heartbeat_every = max(1, round(it.param2 * 1e-6 / STEP_S))
         elif it.command == 512 and it.param1 == 0.0:
             self.tell_heartbeat()
+        elif it.command == 22 and self.target[0] == "up":
+            result = 4
         elif it.command == 22:
             self.target, self.target_s = ("up", [it.param7]), time.monotonic() + 1e6
+        if it.command in self.swallowed:
+            self.swallowed.discard(it.command)
+            return
         self.send(m.MAVLink_command_ack_message(it.command, result))
 
     def arm(self, wanted: float, magic: float) -> int:
@@ -233,7 +243,7 @@ class Autopilot:
     # out
 
     def send(self, message: Any) -> None:
-        if message.get_type() in self.withheld:
+        if message.get_type() in self.withheld or message.get_msgId() in self.halted:
             return
         if time.monotonic() > max(self.silent_until_s, self.mute_until_s):
             data = message.pack(self.out)
@@ -305,8 +315,10 @@ class Autopilot:
             self.unanswered.add(words[1])
         elif words[0] == "deny":
             self.denied = {int(word) for word in words[1:]}
-        elif words[0] in ("refuse", "miss"):
-            (self.refused if words[0] == "refuse" else self.missed).add(int(words[1]))
+        elif words[0] in ("refuse", "miss", "swallow"):
+            {"refuse": self.refused, "miss": self.missed, "swallow": self.swallowed}[words[0]].add(int(words[1]))
+        elif words[0] == "halt":
+            self.halted.add(getattr(m, f"MAVLINK_MSG_ID_{words[1]}"))
         elif words[0] == "withhold":
             self.withheld = set(words[1:])
         elif words[0] == "deaf":

@@ -187,6 +187,18 @@ def test_a_mode_that_a_person_chose_while_we_were_silent_is_told(silent_s: float
     assert ("was taken" in air.guard.news) == air.guard.taken
 
 
+@pytest.mark.parametrize(("later_s", "taken"), [(0.5, False), (3.0, True)])
+def test_a_mode_that_we_asked_for_before_we_fell_silent_was_not_taken(later_s: float, taken: bool) -> None:
+    air = Air()
+    air.set_point()
+    landing = m.MAVLink_command_long_message(1, 1, m.MAV_CMD_DO_SET_MODE, 0, 1, LOITER, 0, 0, 0, 0, 0)
+    air.guard.hear_us(air.ours.encode(landing), air.t_s)
+    air.go(later_s)
+    air.mode = LOITER
+    air.beat()
+    assert air.guard.taken == taken
+
+
 @pytest.mark.parametrize("what", ["disarmed", "no set-point yet"])
 def test_where_nothing_is_to_be_held_nothing_is_sent(what: str) -> None:
     air = Air()

@@ -226,11 +226,15 @@ def test_an_updraft_at_height_neither_presses_nor_stops_the_motors() -> None:
         assert len(commands(autopilot, 400)) >= 1
 
 
-def test_a_receiver_in_failsafe_has_not_moved_the_sticks() -> None:
+@pytest.mark.parametrize(("enabled", "throttle_us"), [(0, 900), (1, 960)])
+def test_a_receiver_in_failsafe_has_not_moved_the_sticks(enabled: int, throttle_us: int) -> None:
+    """Below its own FS_THR_VALUE an ArduPilot returns or lands; a mode for a pilot's sticks would take that away."""
     with bench() as (vehicle, autopilot, _):
+        autopilot.say(f"set FS_THR_ENABLE {enabled}")
+        autopilot.say("set FS_THR_VALUE 975")
         vehicle.open()
         assert fly(vehicle, 0.3, 10.0, 0.0, 0.0, 0.0)
-        autopilot.say("sticks 1500 1500 900 1500")
+        autopilot.say(f"sticks 1500 1500 {throttle_us} 1500")
         assert fly(vehicle, 1.0, 10.0, 0.0, 0.0, 0.0)
         assert vehicle.telemetry_at(time.monotonic()).alerts == "the receiver is in failsafe"
         assert {check.name: check.ok for check in vehicle.checks()}["transmitter"] is False
@@ -375,6 +379,8 @@ def test_when_it_holds_by_itself_is_not_assumed() -> None:
         ("px4", "COM_OBL_RC_ACT", 7, "own hold", "it stops its motors then"),
         ("px4", "GF_ACTION", 1, "geofence", "only warns"),
         ("px4", "GF_ACTION", 4, "geofence", "stops the motors in the air"),
+        ("px4", "NAV_RCL_ACT", 6, "failsafes", "NAV_RCL_ACT is 6: stops the motors in the air"),
+        ("px4", "NAV_DLL_ACT", 5, "failsafes", "NAV_DLL_ACT is 5: stops the motors in the air"),
         ("ardupilot", "FENCE_ACTION", 0, "geofence", "only reports"),
     ],
 )
@@ -511,6 +517,14 @@ def test_a_high_take_off_has_the_time_of_its_climb(monkeypatch: pytest.MonkeyPat
         assert autopilot.report()["up"] > 10.7
 
 
+def test_a_take_off_whose_answer_is_lost_goes_on() -> None:
+    """An ArduPilot that climbs denies a second one."""
+    with bench(engagement=Engagement(take_off_m=12.0)) as (vehicle, autopilot, _):
+        autopilot.say("swallow 22")
+        vehicle.open()
+        assert autopilot.report()["up"] > 10.7  # from 10 m
+
+
 def test_nothing_is_taken_or_armed_unasked() -> None:
     with bench(engagement=Engagement(), engage_timeout_s=1.0) as (vehicle, autopilot, _):
         autopilot.say("mode 5")
@@ -579,6 +593,20 @@ def test_a_lost_link_ends_the_flight_and_the_vehicle_holds_by_itself() -> None:
         autopilot.say("silent 60")
         assert not fly(vehicle, 4.0, 60.0, 0.0, 0.0, 0.0)
         assert "link lost" in vehicle.end_reason
+
+
+@pytest.mark.parametrize(("mute_s", "mode"), [(60, GUIDED["ardupilot"]), (1.5, HOLDS["ardupilot"])])
+def test_a_vehicle_that_is_not_heard_any_more_is_left_holding(mute_s: float, mode: int) -> None:
+    """It may still hear: an ArduPilot flies the last tilt until GUID_TIMEOUT, and then drifts with the wind."""
+    with bench(link_timeout_s=1.0) as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.5, 60.0, 0.0, 0.0, 0.0)
+        autopilot.say(f"mute {mute_s}")
+        assert not fly(vehicle, 4.0, 60.0, 0.0, 0.0, 0.0)
+        assert "link lost" in vehicle.end_reason
+        vehicle.close()
+        report = autopilot.report()
+        assert (report["mode"], report["target"] == "tilt") == (mode, False)
 
 
 @pytest.mark.parametrize(
@@ -668,6 +696,25 @@ def test_where_the_autopilot_is_to_land_it_does_once_the_pilot_would(kind: str) 
         assert vehicle.end_reason.startswith("landed")
 
 
+def test_an_own_landing_that_is_given_while_the_thread_that_asked_waits_is_ours(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """For the interpreter, which vision may hold: taken for a person's, it went on without being told of the deck."""
+    with bench(engagement=Engagement(take=True, own_landing=True)) as (vehicle, _, _):
+        vehicle.open()
+        command = Session.command
+
+        def delayed(session: Session, number: int, *parameters: float) -> bool:
+            sent = command(session, number, *parameters)
+            if sent and parameters[1:2] == (OWN_LANDING["ardupilot"],):
+                until(lambda: session.state.mode == OWN_LANDING["ardupilot"])
+            return sent
+
+        monkeypatch.setattr(Session, "command", delayed)
+        assert fly(vehicle, 1.5, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND), vehicle.end_reason
+        assert vehicle.in_command == "the autopilot"
+
+
 @pytest.mark.parametrize("intent", [Intent.LAND, Intent.GO_AROUND])
 def test_a_persons_landing_is_not_taken_for_one_that_was_denied(intent: Intent) -> None:
     with bench(engagement=Engagement(take=True, own_landing=True)) as (vehicle, autopilot, _):
@@ -729,6 +776,17 @@ def test_a_transmitter_that_is_told_of_too_seldom_is_warned_of() -> None:
         assert until(lambda: "WARNING" not in words())
         autopilot.say("withhold RC_CHANNELS")
         assert until(lambda: "a takeover by stick is seen late" in words())
+
+
+def test_a_message_that_another_ground_station_stops_is_asked_for_again() -> None:
+    """An ArduPilot's rates are a link's: REQUEST_DATA_STREAM from whoever shares it sets them all anew."""
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.5, 10.0, 0.0, 0.0, 0.0)
+        autopilot.say("halt RC_CHANNELS")
+        autopilot.say("sticks 1500 1700")
+        assert not fly(vehicle, 10.0, 10.0, 0.0, 0.0, 0.0)
+        assert vehicle.end_reason == "the pilot moved the sticks"
 
 
 def test_a_pilots_mode_ends_the_autopilots_own_landing_too() -> None:

@@ -55,6 +55,11 @@ def link_checks(
         Check("picture's age", stream.age_s <= wanted.picture_age_s, _age_words(stream, setup)),
         Check("limits", True, limits_text(response)),
         Check("geofence", not limits.fence_problem, limits.fence_problem or limits.fence_words),
+        Check(
+            "failsafes", not limits.stops_motors,
+            f"{limits.stops_motors}: stops the motors in the air; set 1, 2 or 3" if limits.stops_motors
+            else "none that we read stops the motors in the air",
+        ),
         battery_check(battery_at(state, now_s), wanted.battery_percent),
         Check(
             "signing", True,

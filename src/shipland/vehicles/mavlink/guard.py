@@ -23,6 +23,8 @@ ANSWERED_S = 1.5
 """Age of the newest question of the time that was answered, beyond which the link lags: what comes may be as old."""
 FRESH_S = 0.1
 """Largest age of a heartbeat that shows the present mode."""
+_GRANTED_S = 2.0
+"""From our request for a mode to the heartbeat that shows it, at most."""
 _ALONE_S = 5.0
 """Time for which the guard outlives our process: enough for every request and its answer."""
 
@@ -91,6 +93,8 @@ class Guard:
         """End of our process."""
         self._turn_s = self._beat_s = self._ask_s = self._time_s = -math.inf
         self._asks = 0
+        self._mode_asked_s = -math.inf
+        """When we asked for a mode: one that comes then is ours, too."""
         self.taken = False
         """Whether the vehicle was taken while our process was silent: it is not ours again, whatever mode comes."""
 
@@ -106,6 +110,8 @@ class Guard:
         for message in self._ours.decode_some(data, stream=False)[0]:
             if message.get_type() in _SET_POINTS and self._hold is not None:
                 self._set_point_s, self._asks = now_s, 0
+            if message.get_type() == "COMMAND_LONG" and message.command == dialect.MAV_CMD_DO_SET_MODE:
+                self._mode_asked_s = now_s
             if message.get_type() == "SET_ATTITUDE_TARGET":
                 w, _, _, z = message.q
                 if (norm := math.hypot(w, z)) > 0.0:
@@ -128,7 +134,8 @@ class Guard:
             self._heard_s = self._heard_s if waited else now_s
             self._hold = self._holds.get(message.custom_mode & self._orders.mode_mask) if armed else None
             if self._hold is None and self._set_point_s is not None:
-                self.taken = now_s - self._set_point_s > self._orders.gap_s
+                silent_s = now_s - self._set_point_s
+                self.taken = silent_s > self._orders.gap_s and now_s - self._mode_asked_s > _GRANTED_S
                 self._set_point_s = None
 
     def lose_us(self, now_s: float) -> None:

@@ -25,14 +25,17 @@ class MotorStop:
         self._session, self._parameters = session, parameters
         self._watch = TouchdownWatch(touchdown, hover_throttle)
         self._asked_s, self._asked, self._answers = -math.inf, 0, 0
+        self._told = False
+        """It tells its throttle: zero, in a descent as on the deck, is also the word of one that does not."""
 
     def look(self, command: PilotCommand | None, state: AutopilotState, now_s: float) -> GroundContact:
         """Whether it has touched the deck; where it stands, ask for the motors to stop. A command too old is None."""
+        self._told = self._told or state.throttle_percent > 0.0
         touch = ContactSignals(
             t_s=now_s,
             landing=command is not None and command.intent is Intent.LAND and state.armed,
             at_contact_height=command is not None and command.at_contact_height,
-            throttle=0.01 * state.throttle_percent,
+            throttle=0.01 * state.throttle_percent if self._told else math.nan,
             throttle_t_s=state.throttle_t_s,
             down_mps=state.velocity_in_ned_mps[2],
             down_t_s=state.velocity_t_s,

@@ -56,6 +56,7 @@ class MavlinkParameters(SetpointParameters):
 ARDUPILOT_NAMES = (
     "ANGLE_MAX", "ATC_ANGLE_MAX", "WPNAV_SPEED", "WPNAV_SPEED_UP", "WPNAV_SPEED_DN", "WP_SPD", "WP_SPD_UP", "WP_SPD_DN",
     "GUID_OPTIONS", "GUID_TIMEOUT", "MOT_THST_HOVER", "FENCE_ENABLE", "FENCE_ACTION", "EK3_SRC1_VELXY",
+    "FS_THR_ENABLE", "FS_THR_VALUE",
     *STICK_NAMES[ARDUPILOT],
 )  # fmt: skip
 """Read from an ArduPilot; newer ones have other names, in degrees and metres instead of hundredths."""
@@ -64,10 +65,13 @@ _PX4_FENCE_SIZES = ("GF_MAX_HOR_DIST", "GF_MAX_VER_DIST")
 """Of the fence about home [m]; 0 is none."""
 _PX4_NO_FENCE = "WARNING: none is set by GF_MAX_HOR_DIST or GF_MAX_VER_DIST: it is off unless one was drawn"
 
+_PX4_LOSSES, _STOPS_MOTORS = ("NAV_RCL_ACT", "NAV_DLL_ACT"), (5, 6)
+"""What it does without its transmitter, and without a ground station; values that end in the air: terminate, disarm."""
+
 PX4_NAMES = (
     "MPC_TILTMAX_AIR", "MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN", "MPC_THR_HOVER", "COM_OF_LOSS_T",
     "COM_OBL_RC_ACT", "COM_RC_IN_MODE", "GF_ACTION", *_PX4_FENCE_SIZES, "EKF2_GPS_CTRL",
-    *STICK_NAMES[PX4],
+    *_PX4_LOSSES, *STICK_NAMES[PX4],
 )  # fmt: skip
 """Read from a PX4."""
 
@@ -131,6 +135,7 @@ class VehicleLimits:
         hold_problem: what it does then other than hold, in words; empty where it holds.
         hold_problem_alone: the same where there is no transmitter that it obeys.
         obeys_sticks: of a transmitter.
+        stops_motors: failsafes by which it stops its motors in the air, in words; empty where none does.
         velocity_reference: of its estimate of velocity, as in `Response`.
     """
 
@@ -145,6 +150,7 @@ class VehicleLimits:
     hold_problem_alone: str = ""
     obeys_sticks: bool = True
     fence_words: str = "on"
+    stops_motors: str = ""
     velocity_reference: Literal["ground", "surface"] = "ground"
 
     @staticmethod
@@ -172,6 +178,9 @@ class VehicleLimits:
                 hold_problem_alone=_hold_problem(values.get("COM_OBL_RC_ACT"), _HOLDING_ALONE),
                 obeys_sticks=values.get("COM_RC_IN_MODE") not in _STICKS_IGNORED,
                 fence_words="on" if any(values.get(name, 0.0) > 0.0 for name in _PX4_FENCE_SIZES) else _PX4_NO_FENCE,
+                stops_motors=", ".join(
+                    f"{name} is {values[name]:g}" for name in _PX4_LOSSES if values.get(name) in _STOPS_MOTORS
+                ),
                 velocity_reference="ground" if values.get("EKF2_GPS_CTRL", 1.0) > 0.0 else "surface",
             )
         for bit, words in _UNFLOWN_OPTIONS.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import threading
 import time
@@ -92,6 +93,7 @@ class Session:
         self._attitudes: deque[Reading] = deque(maxlen=_HISTORY)
         self._mounts: deque[Reading] = deque(maxlen=_HISTORY)
         self._came = {name: deque[float](maxlen=_HISTORY) for name in _COUNTED}
+        self._streams = itertools.cycle(_STREAMS_HZ)
 
     @property
     def attitudes(self) -> list[Reading]:
@@ -160,9 +162,8 @@ class Session:
                 f"the autopilot says that it flies a vehicle of kind {self.state.kind} (MAV_TYPE); multicopters can be "
                 "flown"
             )
-        for name, rate_hz in _STREAMS_HZ.items():
-            number = getattr(dialect, f"MAVLINK_MSG_ID_{name}")
-            self.ask(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, 1e6 / rate_hz, timeout_s=_STREAM_ANSWER_S)
+        for name in _STREAMS_HZ:
+            self.ask(*_rate_request(name), timeout_s=_STREAM_ANSWER_S)
         self.ask(dialect.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE, *self.link.own, -1, -1, timeout_s=_STREAM_ANSWER_S)
         self.wait(lambda state: math.isfinite(state.attitude_t_s), timeout_s, "no attitude from the vehicle")
 
@@ -304,6 +305,15 @@ class Session:
     def ask_time(self) -> None:
         """The question for the round trip, whose answer shows how old what comes may be."""
         self.link.send(dialect.MAVLink_timesync_message(0, time.monotonic_ns()))
+
+    def ask_stream(self) -> None:
+        """The next message's rate once more: whoever shares the link may have set another."""
+        self.command(*_rate_request(next(self._streams)))
+
+
+def _rate_request(name: str) -> tuple[int, int, float]:
+    number: int = getattr(dialect, f"MAVLINK_MSG_ID_{name}")
+    return dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, 1e6 / _STREAMS_HZ[name]
 
 
 def _heartbeat() -> Message:

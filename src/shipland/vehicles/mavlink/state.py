@@ -39,7 +39,8 @@ _FIRST_BATTERY = 0
 _DONE = (dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_IN_PROGRESS)
 """Answers that do not deny."""
 _PULSES_US, _LEAST_THROTTLE_US = (800, 2200), 950
-"""Pulse widths of sticks, and of the throttle's; another is a receiver's word that it hears no transmitter."""
+"""Pulse widths of sticks, and of the throttle's where an ArduPilot tells no other; what is beyond is a receiver's word
+that it hears no transmitter."""
 STICK_NAMES = {
     ARDUPILOT: ("RCMAP_ROLL", "RCMAP_PITCH", "RCMAP_THROTTLE", "RCMAP_YAW"),
     PX4: ("RC_MAP_ROLL", "RC_MAP_PITCH", "RC_MAP_THROTTLE", "RC_MAP_YAW"),
@@ -289,8 +290,10 @@ def _receiver(state: AutopilotState, it: Message, received_s: float) -> Autopilo
     channels = [int(state.parameters.get(name, 0.0)) or usual for usual, name in named]
     sticks = tuple(int(getattr(it, f"chan{channel}_raw", _NONE_U16)) for channel in channels)
     reported = it.chancount >= max(channels) and _NONE_U16 not in sticks
-    moved_by_hand = all(_PULSES_US[0] <= stick <= _PULSES_US[1] for stick in sticks) and sticks[2] >= _LEAST_THROTTLE_US
-    moved_by_hand = reported and moved_by_hand
+    told = state.parameters
+    least_us = told.get("FS_THR_VALUE", _LEAST_THROTTLE_US) if told.get("FS_THR_ENABLE") else _LEAST_THROTTLE_US
+    within = all(_PULSES_US[0] <= stick <= _PULSES_US[1] for stick in sticks)
+    moved_by_hand = reported and within and sticks[2] >= least_us
     words = "the receiver is in failsafe" if reported and not moved_by_hand else ""
     state = _alerted(state, "receiver", received_s, words)
     return replace(state, sticks_t_s=received_s, sticks_us=sticks if moved_by_hand else ())

@@ -117,9 +117,11 @@ class Taking:
         try:
             if session.state.autopilot != PX4:
                 climb = dialect.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height_m
-                result = session.ask(*climb, unless=self._over)
+                result = session.ask(*climb, timeout_s=1.0, unless=self._over)
                 self._refuse_if_over()
-                if result != 0:
+                if result < 0:
+                    session.command(*climb)  # one that climbs already, and whose answer was lost, denies this
+                elif result != 0:
                     raise VehicleError(f"the autopilot does not take off: {'; '.join(session.state.texts[-3:])}")
             near_m = max(0.3, 0.1 * height_m)
             longest_s = _TAKE_OFF_S + height_m / self._climb_mps

@@ -228,6 +228,7 @@ class MavlinkVehicle(SetpointVehicle):
         if now_s - self._asked_s >= ASK_TIME_S:
             self._asked_s = now_s
             session.ask_time()
+            session.ask_stream()
         if session.link.port.problem:
             self._end("")
         state = session.state
@@ -238,8 +239,8 @@ class MavlinkVehicle(SetpointVehicle):
             session.awake_s = now_s
         unheard_s = now_s - max(state.heartbeat_s, session.awake_s)
         if self._opening and unheard_s > self._parameters.link_timeout_s:
-            control.lose(f"link lost: no heartbeat for {self._parameters.link_timeout_s:g} s")
-            self._end_if_lost()
+            # it may still hear: holds go on until we close, and are better than the last tilt
+            self._end(f"link lost: no heartbeat for {self._parameters.link_timeout_s:g} s")
         if control.by_sticks:
             self._hand_over(state, now_s)
         if control.lands(state):
@@ -299,8 +300,12 @@ class MavlinkVehicle(SetpointVehicle):
             self._control.hands_over &= now_s - self._handed_s <= _GRANTED_S
             return
         asked = dialect.MAV_CMD_DO_SET_MODE, 1, *modes_of(state).landing
-        if now_s - self._handed_s > _HAND_OVER_S and self.session.command(*asked):
-            self._control.hands_over, self._handed_s = True, now_s
+        if now_s - self._handed_s > _HAND_OVER_S:
+            before, self._control.hands_over = self._control.hands_over, True  # before the answer can come
+            if self.session.command(*asked):
+                self._handed_s = now_s
+            else:
+                self._control.hands_over = before
 
     def _turn_camera(self, pitch_rad: float) -> None:
         link, nan = self.session.link, math.nan
