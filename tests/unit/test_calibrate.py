@@ -25,12 +25,13 @@ VIEWS = [
 ]
 
 
-def board_texture(charuco, corners=(9, 6)):
+def board_texture(charuco, corners=(9, 6), legacy=False):
     """A board of so many inner corners with a margin of one square, 40 px a square, and the size of it in squares."""
     squares, margin = (corners[0] + 1, corners[1] + 1), 40
     if charuco:
         dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
         board = cv2.aruco.CharucoBoard(squares, SQUARE_M, 0.75 * SQUARE_M, dictionary)
+        board.setLegacyPattern(legacy)
         inside = board.generateImage((squares[0] * 40, squares[1] * 40))
     else:
         rows, columns = np.mgrid[0 : squares[1] * 40, 0 : squares[0] * 40] // 40
@@ -93,6 +94,16 @@ def test_a_known_camera_comes_out_again(charuco, tmp_path):
     assert result.rms_px < 0.15
     assert cv2.imread(str(out.with_suffix(".png"))) is not None
     assert "focal length" in result.to_text()
+
+
+def test_a_charuco_board_whose_first_square_is_white_is_found(tmp_path):
+    """As OpenCV drew boards of an even number of rows before 4.6, and others draw them still."""
+    texture = board_texture(charuco=True, corners=(9, 5), legacy=True)
+    for index, turn in enumerate(VIEWS[:4]):
+        cv2.imwrite(str(tmp_path / f"{index}.png"), photograph(texture, turn))
+    result = calibrate((tmp_path,), Board("9x5", SQUARE_M, charuco=True), tmp_path / "out" / "camera.yaml")
+    assert [item.count for item in result.used] == [45] * 4
+    assert abs(result.camera.focal_px / CAMERA.focal_px - 1.0) < 0.02
 
 
 def test_a_bent_board_and_a_picture_without_one_are_left_out_with_the_reason(tmp_path):

@@ -66,6 +66,17 @@ def test_a_step_of_the_streams_clock_that_lasts_is_followed(step_s: float, late_
     assert None not in found[:300] + found[310:]
 
 
+@pytest.mark.parametrize("gap_s", [5.0, 15.0])
+def test_a_streams_clock_that_begins_again_after_a_gap_is_followed(gap_s: float, late_s: np.ndarray) -> None:
+    clock, found = ExposureClock(LATENCY_S), []
+    for index, more_s in enumerate(late_s):
+        begun, true_s = index >= 300, 50.0 + index * PERIOD_S + (gap_s if index >= 300 else 0.0)
+        exposed_s = clock.exposed_s((index - 300 * begun) * PERIOD_S, true_s + LATENCY_S + float(more_s))
+        found.append(None if exposed_s is None else exposed_s - true_s)
+    assert all(error_s is None or abs(error_s) < 0.061 for error_s in found)
+    assert None not in found[:300] + found[310:]
+
+
 def test_a_picture_that_stood_in_a_queue_is_refused(late_s: np.ndarray) -> None:
     late_s[300:345] += 1.5 - np.arange(45) * PERIOD_S  # a stall of 1.5 s, then all at once
     found = errors_s(np.arange(600) * PERIOD_S, late_s)
@@ -156,6 +167,16 @@ def test_a_camera_that_stops_is_opened_again_and_its_problem_stays_in_words_mean
     assert stream.problem == ""
     stream.close()
     assert not stream._thread.is_alive()
+
+
+def test_a_source_that_gave_pictures_is_opened_again_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A damaged picture, as of a topic, costs itself and not the half second after it."""
+    monkeypatch.setattr(camera_stream, "_REOPEN_S", 60.0)
+    source = Camera(one_then("a compressed picture cannot be decoded"))
+    stream = CameraStream(source)
+    stream.start()
+    assert until(lambda: source.opened > 3)
+    stream.close()
 
 
 @pytest.mark.parametrize(("opening", "problem"), [(one_then(""), "the stream has ended"), (absent, "refused")])

@@ -34,13 +34,14 @@ from shipland.vehicles.mavlink.parameters import MavlinkParameters, VehicleLimit
 from shipland.vehicles.mavlink.state import ARDUPILOT
 
 
-def flown(kind: str, seconds: float = 40.0) -> Iterator[FlightRecord]:
+def flown(kind: str, seconds: float = 40.0, wind_mps: float = 0.0) -> Iterator[FlightRecord]:
     """The simulated aircraft, far from the ship, with sticks that change each second or so."""
     scenario = load_scenario(
         "near",
         aircraft={"loop": {"kind": kind, "velocity_reference": "ground"}},
         start={"distance_m": 300.0, "height_m": 40.0},
         delays={"telemetry": {"profile": "mavlink"}},
+        wind={"mean_mps": wind_mps},
     )
     vehicle, rng = build_vehicle(scenario, 4, None), np.random.default_rng(9)
     vehicle.open()
@@ -65,6 +66,22 @@ def test_the_attitude_loop_is_found() -> None:
     assert found.climb.full == pytest.approx(1.0, rel=0.15)
     assert math.degrees(found.turn.full) == pytest.approx(40.0, rel=0.15)
     assert found.drag_per_s == pytest.approx(0.3, abs=0.2)
+
+
+def test_the_drag_is_found_in_a_wind_that_comes_from_another_side_as_the_aircraft_turns() -> None:
+    assert identify(list(flown("attitude", wind_mps=6.0))).drag_per_s == pytest.approx(0.3, abs=0.06)
+
+
+def test_sticks_of_a_landing_that_was_broken_off_count_for_what_comes_after() -> None:
+    rows = list(flown("attitude", 50.0))
+    for index, row in enumerate(rows):
+        if 20.0 < row.telemetry.t_s < 28.0:
+            command = replace(row.decision.command, intent=Intent.LAND)
+            rows[index] = replace(row, decision=replace(row.decision, command=command))
+    found = identify(rows)
+    assert found.turn is not None
+    assert math.degrees(found.turn.full) == pytest.approx(40.0, rel=0.05)
+    assert found.turn.explained > 0.98
 
 
 @pytest.mark.parametrize("axis", ["pitch", "roll", "heave", "yaw"])

@@ -50,6 +50,15 @@ def test_what_is_not_known_stays_unknown() -> None:
     assert ros.with_odometry(NOTHING, unturned, 3.0).roll_rad is None
 
 
+@pytest.mark.parametrize(("frame", "child"), [("odom_ned", "base_link"), ("odom", "base_link_frd")])
+def test_odometry_that_says_it_is_of_other_axes_is_refused(frame: str, child: str) -> None:
+    """REP-103's suffixes: taken for ROS's axes, pitch, heading and height would be mirrored."""
+    told = ros.odometry_of(Telemetry(0.0, 0.1, 0.2, 0.3, 10.0, np.zeros(3), None, None, flying=True), 0.0)
+    told.header.frame_id, told.child_frame_id = frame, child
+    with pytest.raises(DataError, match=f"{frame}, {child}"):
+        ros.with_odometry(NOTHING, told, 1.0)
+
+
 @given(angles, angles)
 def test_the_cameras_attitude_comes_back(roll, pitch) -> None:
     back = ros.gimbal_of(ros.gimbal_message(GimbalAttitude(roll, pitch), 1.0))

@@ -135,15 +135,16 @@ class Identified:
 def identify(records: Sequence[FlightRecord]) -> Identified:
     """The response of the vehicle that flew these rows.
 
-    A landing's rows are left out: it ends on a surface, where no stick is answered.
+    Of a landing the sticks count, for what comes after it, and no answer: it ends on a surface, where there is none.
 
     Raises:
         DataError: too few rows in flight, sticks that were never moved, or an axis that answers the other way round.
     """
-    rows = [row for row in records if row.telemetry.flying and row.decision.command.intent is not Intent.LAND]
-    if len(rows) < _LEAST_ROWS:
-        raise DataError(f"the log holds {len(rows)} cycles in flight; at least {_LEAST_ROWS} are needed")
+    rows = [row for row in records if row.telemetry.flying]
     commands = [row.decision.command for row in rows]
+    answers = np.array([command.intent is not Intent.LAND for command in commands])
+    if (count := np.count_nonzero(answers)) < _LEAST_ROWS:
+        raise DataError(f"the log holds {count} cycles in flight; at least {_LEAST_ROWS} are needed")
     sent_s = np.array([command.t_s for command in commands])
     pitch, roll, heave, yaw = (
         0.01 * np.array([getattr(command, f"{name}_percent") for command in commands])
@@ -156,6 +157,11 @@ def identify(records: Sequence[FlightRecord]) -> Identified:
     tilt_s, tilt = _series(told, "attitude_t_s", [(each.roll_rad, each.pitch_rad) for each in told])
     heading_s, heading_rad = _series(told, "heading_t_s", [each.heading_rad for each in told])
     heading_rad = np.unwrap(heading_rad)  # not its rate: that would drown in the readings' noise
+    (velocity_s, velocity), (tilt_s, tilt), (heading_s, heading_rad) = (
+        (t_s[answered], values[answered])
+        for t_s, values in ((velocity_s, velocity), (tilt_s, tilt), (heading_s, heading_rad))
+        for answered in [_held(sent_s, answers, t_s)]
+    )
     fits = {
         "pitch": (_fit(sent_s, pitch, tilt_s, -tilt[:, 1]), _fit(sent_s, pitch, velocity_s, velocity[:, 0])),
         "roll": (_fit(sent_s, roll, tilt_s, tilt[:, 0]), _fit(sent_s, roll, velocity_s, velocity[:, 1])),
@@ -178,7 +184,8 @@ def identify(records: Sequence[FlightRecord]) -> Identified:
         full_mps = level_speed.full
         loops = [_speed_loop(sent_s, stick, tilt_s, along, velocity_s, speed, full_mps) for stick, along, speed in axes]
         return Identified("velocity", level_speed, _best(loops), climb, turn, None)
-    return Identified("attitude", level_tilt, None, climb, turn, _drag(tilt_s, tilt, velocity_s, velocity))
+    drag_per_s = _drag(tilt_s, tilt, velocity_s, velocity, heading_s, heading_rad)
+    return Identified("attitude", level_tilt, None, climb, turn, drag_per_s)
 
 
 def _speed_loop(
@@ -246,7 +253,8 @@ def _fit(sent_s: Array, stick: Array, t_s: Array, values: Array, summed: bool = 
 
     lag_s, delay_s = _bounded(minimize(left_over, begin, method="Nelder-Mead", options={"maxiter": 150}).x)
     full, left = solved(lag_s, delay_s)
-    both_ways = min(np.mean(100.0 * held > LEAST_STICK_PERCENT), np.mean(100.0 * held < -LEAST_STICK_PERCENT))
+    moved = 100.0 * _held(sent_s, stick, t_s)
+    both_ways = min(np.mean(moved > LEAST_STICK_PERCENT), np.mean(moved < -LEAST_STICK_PERCENT))
     if full <= 0.0 and both_ways < REVERSED_WAYS:
         return None
     if 1.0 - left < (LEAST_EXPLAINED if full > 0.0 else REVERSED_EXPLAINED):
@@ -302,15 +310,27 @@ def _series(told: Sequence[Telemetry], stamp: str, values: Sequence[object]) -> 
     return times_s[new], table[new]
 
 
-def _drag(tilt_s: Array, tilt: Array, velocity_s: Array, velocity: Array) -> float | None:
-    """Deceleration for a metre per second, from speeds that the tilts do not explain; a steady wind is the bias."""
-    if len(velocity_s) < _LEAST_ROWS or len(tilt_s) < 2:
+def _drag(
+    tilt_s: Array, tilt: Array, velocity_s: Array, velocity: Array, heading_s: Array, heading_rad: Array
+) -> float | None:
+    """Deceleration for a metre per second, from speeds that the tilts do not explain; a steady wind is the bias.
+
+    Along the axes of the first heading: the wind stays there while the aircraft turns.
+    """
+    if len(velocity_s) < _LEAST_ROWS or min(len(tilt_s), len(heading_s)) < 2:
         return None
-    middle_s, step_s = 0.5 * (velocity_s[1:] + velocity_s[:-1]), np.diff(velocity_s)
+    turned_rad = np.interp(velocity_s, heading_s, heading_rad) - heading_rad[0]
+    cosine, sine = np.cos(turned_rad), np.sin(turned_rad)
+    pushes = [GRAVITY_MPS2 * np.tan(np.interp(velocity_s, tilt_s, angle)) for angle in (-tilt[:, 1], tilt[:, 0])]
     found = []
-    for angle, sign, axis in ((1, -1.0, 0), (0, 1.0, 1)):
-        push = GRAVITY_MPS2 * np.tan(sign * np.interp(middle_s, tilt_s, tilt[:, angle]))
-        gained = np.diff(velocity[:, axis]) / step_s
-        basis = np.column_stack([0.5 * (velocity[1:, axis] + velocity[:-1, axis]), np.ones_like(push)])
-        found.append(-float(np.linalg.lstsq(basis, gained - push, rcond=None)[0][0]))
+    for forward, right in ((cosine, -sine), (sine, cosine)):
+        speed = forward * velocity[:, 0] + right * velocity[:, 1]
+        push = _between(forward * pushes[0] + right * pushes[1])
+        basis = np.column_stack([_between(speed), np.ones_like(push)])
+        found.append(-float(np.linalg.lstsq(basis, np.diff(speed) / np.diff(velocity_s) - push, rcond=None)[0][0]))
     return max(0.0, float(np.mean(found)))
+
+
+def _between(values: Array) -> Array:
+    """Means (n-1,) of neighbours among values (n,)."""
+    return 0.5 * (values[1:] + values[:-1])

@@ -34,7 +34,7 @@ _LATEST_S = 1.0
 _REFUSED_S = 2.0
 """A source whose pictures are all refused for so long is opened again: that empties the queue."""
 _REOPEN_S, _LONGEST_REOPEN_S = 0.5, 2.0
-"""Time until a failed source is opened again, and its largest value after repeated doubling."""
+"""Time until a source that failed without a picture is opened again, and its largest value after repeated doubling."""
 _REOPEN_TIMEOUT_S = 3.0
 """Timeout of the first picture of a source that is opened again; the flight waits."""
 
@@ -147,11 +147,11 @@ class CameraStream:
         return self._newest is not None and self._newest.exposed_s > after_s
 
     def _run(self) -> None:
-        pause_s = _REOPEN_S
+        pause_s = 0.0
         while True:
             begun = self._newest
             over = self._receive()
-            pause_s = _REOPEN_S if self._newest is not begun else min(2.0 * pause_s, _LONGEST_REOPEN_S)
+            pause_s = 0.0 if self._newest is not begun else min(max(2.0 * pause_s, _REOPEN_S), _LONGEST_REOPEN_S)
             with self._condition:
                 self._ended = self._ended or over or self._newest is None
                 self._condition.notify_all()
@@ -237,7 +237,7 @@ class ExposureClock:
         known = arrived_s, arrived_s - stamp_s
         while self._offsets and arrived_s - self._offsets[0][0] > _WINDOW_S:
             self._offsets.popleft()
-        if self._offsets and (stamp_s < self._stamp_s or self._is_ahead(known[1])):
+        if stamp_s < self._stamp_s or self._is_ahead(known[1]):
             self._implausible.append(known)
             implausible_s = [offset_s for _, offset_s in self._implausible]
             if len(implausible_s) < _STEP or max(implausible_s) - min(implausible_s) > _LEAST_GATE_S:

@@ -337,12 +337,18 @@ def _charuco(board: Board, across: int, down: int) -> Finder:
             "expected the dictionary that it was printed with"
         )
     printed = cv2.aruco.CharucoBoard((across + 1, down + 1), board.square_m, marker_m, dictionary)
-    detector = cv2.aruco.CharucoDetector(printed)
     board_m = np.asarray(printed.getChessboardCorners(), np.float32)
+    detectors = []
+    for legacy in (False, True):  # of an even number of rows the first square is black, or white: before OpenCV 4.6
+        printed.setLegacyPattern(legacy)
+        detectors.append(cv2.aruco.CharucoDetector(printed))
 
     def find(image: Image) -> Corners:
-        corners, numbers, _, _ = detector.detectBoard(image)
-        if numbers is None or len(numbers) < _LEAST_CORNERS:
+        for detector in detectors:
+            corners, numbers, _, _ = detector.detectBoard(image)
+            if numbers is not None and len(numbers) >= _LEAST_CORNERS:
+                break
+        else:
             return _NO_CORNERS
         seen = np.asarray(numbers).ravel()
         extent_m = np.linalg.svd(board_m[seen] - board_m[seen].mean(axis=0), compute_uv=False)

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from shipland.errors import DataError
 from shipland.frames import (
     ENU_FROM_NED,
     FLU_FROM_FRD,
@@ -145,7 +146,13 @@ def with_odometry(before: Telemetry, odometry: Message, t_s: float) -> Telemetry
         before: what was known.
         odometry: pose in an east-north-up frame, twist in the body's, forward-left-up.
         t_s: when it was true, on the loop's clock.
+
+    Raises:
+        DataError: its frames say that it is of other axes.
     """
+    frames = odometry.header.frame_id, odometry.child_frame_id
+    if any(frame.endswith(("_ned", "_frd")) for frame in frames):
+        raise DataError(f"odometry is in {', '.join(frames)}; expected east-north-up and forward-left-up")
     enu_from_flu, height_m = _rotation(odometry.pose.pose.orientation), float(odometry.pose.pose.position.z)
     linear = odometry.twist.twist.linear
     velocity_mps = FLU_FROM_FRD @ np.array([linear.x, linear.y, linear.z], dtype=float)

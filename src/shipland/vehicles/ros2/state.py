@@ -61,7 +61,7 @@ class Heard:
         """Why control is gone for good, in words; empty while it is not."""
 
     def take_odometry(self, odometry: Message) -> None:
-        """nav_msgs/Odometry."""
+        """nav_msgs/Odometry; raises as `with_odometry` does."""
         true_s = self._true_s(seconds(odometry.header.stamp))
         with self._lock:
             told = self._telemetry = with_odometry(self._telemetry, odometry, true_s)
