@@ -68,6 +68,12 @@ def page(tmp_path_factory):
     return path
 
 
+def test_without_folders_nothing_promises_to_fly_it_again(page, tmp_path):
+    assert "flies it again" in page.read_text()
+    cells = [replace(cell, logs=None) for cell in made_up(tmp_path)]
+    assert "flies it again" not in campaign_page(cells, ABOUT, {}, tmp_path)
+
+
 def test_the_page_stands_alone(page):
     text = page.read_text()
     assert not re.findall(r"(?:src|href)=.?(?:https?:)?//", text)

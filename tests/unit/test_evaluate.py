@@ -115,3 +115,9 @@ def test_labelled_set_with_ranges(weights, tmp_path):
     (folder / "classes.txt").write_text("ship\nbuoy\n")
     with pytest.raises(DataError, match=r"ship, buoy; .*--classes names the set's classes"):
         evaluate(EvaluateArguments(weights, "ship", data=folder, out=tmp_path / "out", threads=1))
+
+
+def test_a_drawn_set_says_what_it_is_of(weights, tmp_path):
+    folder = synth(SynthArguments(tmp_path / "set", "bar", count=2, seed=9, crop_px=96))
+    result = evaluate(EvaluateArguments(weights, data=folder, out=tmp_path / "out", threads=1))
+    assert result.tables["all"].bins[0].high_m - result.tables["all"].bins[0].low_m == 10.0  # of the bar's table

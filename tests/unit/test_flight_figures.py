@@ -4,10 +4,18 @@ import dataclasses
 
 import numpy as np
 import pytest
-from made_up_flight import VERDICT, flight, log_of, write_log
+from made_up_flight import INFO, VERDICT, flight, log_of, write_log
+from matplotlib.figure import Figure
 
 from shipland.errors import DataError
-from shipland.reproduce.flight_figures import Tracks, figures_of_flights, first_contacts, plot_commands, read_flights
+from shipland.reproduce.flight_figures import (
+    Tracks,
+    draw_above,
+    figures_of_flights,
+    first_contacts,
+    plot_commands,
+    read_flights,
+)
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +43,14 @@ def test_touchdowns_of_landed_missed_and_lost_flights(records):
     assert np.isnan(dots[2][:3]).all()
 
 
+def test_the_way_of_a_pilot_without_modes_is_drawn(records):
+    bare = [dataclasses.replace(it, decision=dataclasses.replace(it.decision, mode=None)) for it in records[::10]]
+    log = log_of(bare)
+    axes, track = Figure().add_subplot(), Tracks(log)
+    draw_above(axes, log, track)
+    assert any(np.array_equal(line.get_xydata(), track.aircraft_m[:, :2]) for line in axes.lines)
+
+
 def test_pictures_are_remade_bit_by_bit(records, unarranged, tmp_path):
     for name in ("one.png", "again.png"):
         plot_commands(tmp_path / name, log_of(records, None))
@@ -49,6 +65,16 @@ def test_a_folder_of_logs_gives_three_pictures(records, tmp_path):
     paths = figures_of_flights(tmp_path, tmp_path / "out")
     assert [path.name for path in paths] == ["trajectories.png", "commands.png", "landings.png"]
     assert all(path.stat().st_size > 5000 for path in paths)
+
+
+def test_flights_of_several_pilots_are_named_by_all_of_them(records, tmp_path, monkeypatch):
+    titles = []
+    monkeypatch.setattr("shipland.reproduce.flight_figures.plot_trajectories", lambda *args: titles.append(args[2]))
+    for pilot in ("paper", "horizon"):
+        info = dataclasses.replace(INFO, pilot=pilot)
+        write_log(tmp_path / f"{pilot}.mcap", records[::40], info=info)
+    figures_of_flights(tmp_path, tmp_path / "out")
+    assert titles == ["made-up, pilot paper, horizon, 2 flights"]
 
 
 def test_a_folder_without_flights_is_said_in_words(tmp_path):

@@ -70,6 +70,19 @@ def test_both_headings_and_both_time_rules(tmp_path: Path) -> None:
     assert (tmp_path / "motion_headings.png").stat().st_size > 10_000
 
 
+def test_a_motion_slower_than_its_record_is_no_standstill(tmp_path: Path) -> None:
+    said, slow = io.StringIO(), {"amplitude_m_deg": [0, 0, 0.3, 0, 0, 0], "period_s": [60.0] * 6}
+    swell = case(**{"ship.motion": "sinusoids", "ship.sinusoids": slow})
+    report_case(swell, Sampling(10.0, 30.0), tmp_path, Console(file=said, width=120))
+    rows = {
+        line.split(",")[0].strip(" │"): line.split("│")[2].strip()
+        for line in said.getvalue().splitlines()
+        if "│" in line
+    }
+    assert float(rows["heave"].split(" / ")[0]) > 0.1
+    assert rows["sway"] == "0"
+
+
 def test_a_seed_gives_the_same_series() -> None:
     blowing = case(**{"ship.motion": "sea", "wind.mean_mps": 4.0})
     one, same, other = (sample(blowing, seed, 10.0, 0.5) for seed in (1, 1, 2))

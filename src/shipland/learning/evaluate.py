@@ -120,6 +120,7 @@ def evaluate(arguments: EvaluateArguments, drawn: ShipAndCamera = PACKAGED) -> E
     looks: tuple[Look, ...] = ()
     if arguments.data is not None:
         dataset = read_dataset(arguments.data, arguments.classes)
+        arguments = replace(arguments, kind=dataset.samples[0].scene.get("kind", arguments.kind))
         detector = _detector(arguments, settings, dataset)
         looks = tuple(looks_at(detector, dataset, [tally, *strict]))
         found = [_record(number, look) for number, look in enumerate(looks)]

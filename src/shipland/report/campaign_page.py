@@ -58,9 +58,10 @@ class PageFlights:
             for at, cause in enumerate(self._outcomes)
             if self._count[cause]
         )
+        again = " and the command that flies it again" if any(map(_again, self._cells)) else ""
         return (
             f'<div id="outcomes" class="only-script">{boxes}<br><span class="dim">Point at a landing to see which it '
-            "is; click it for its files and the command that flies it again.</span></div>"
+            f"is; click it for its files{again}.</span></div>"
         )
 
     def again(self, at: int) -> str:

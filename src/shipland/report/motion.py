@@ -216,7 +216,7 @@ def _table(columns: Mapping[str, Sequence[str]]) -> Table:
 
 def _measured(columns: dict[str, tuple[Statistics, ...]]) -> dict[str, list[str]]:
     return {
-        name: [f"{it.significant:.3g} / {it.period_s:.1f} s" if np.isfinite(it.period_s) else "0" for it in of_case]
+        name: [f"{it.significant:.3g}{f' / {it.period_s:.1f} s' if it.period_s > 0.0 else ''}" for it in of_case]
         for name, of_case in columns.items()
     }
 

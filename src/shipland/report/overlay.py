@@ -114,7 +114,6 @@ class Instruments:
     def __init__(self, with_traces: bool, trace_s: float) -> None:
         self._trace_s = trace_s
         self._deck: deque[tuple[float, float, float, float]] = deque()
-        self._curve: CubicSpline | None = None
         self._spans = [span for _, _, span, _ in _TRACES]
         width_px = STRIP_WIDTH_PX + (TRACES_WIDTH_PX if with_traces else 0)
         self._blank = np.full((STRIP_HEIGHT_PX, width_px, 3), _GROUND, np.uint8)
@@ -133,7 +132,6 @@ class Instruments:
         if math.isfinite(heave_m):
             values = (math.degrees(roll_rad), math.degrees(pitch_rad), heave_m)
             self._deck.append((t_s, *values))
-            self._curve = None
             for lane, value in enumerate(values):
                 while abs(value) > self._spans[lane]:
                     self._spans[lane] *= 2.0
@@ -145,9 +143,8 @@ class Instruments:
         samples = np.array(self._deck)
         if len(samples) == 1:
             return np.repeat(samples[:, 1:], len(t_s), axis=0)
-        if self._curve is None:
-            self._curve = CubicSpline(samples[:, 0], samples[:, 1:])
-        return np.asarray(self._curve(np.clip(t_s, samples[0, 0], samples[-1, 0])))
+        curve = CubicSpline(samples[:, 0], samples[:, 1:])
+        return np.asarray(curve(np.clip(t_s, samples[0, 0], samples[-1, 0])))
 
     def draw(self, record: FlightRecord, places: Derived, t_s: float) -> Image:
         """The strip (STRIP_HEIGHT_PX, width, 3) of a video's frame at `t_s`, the newest cycle then being `record`.

@@ -79,7 +79,7 @@
     element("p", [reason || "landed", figures].filter(Boolean).join(": "), box);
     const links = element("p", "", box);
     for (const [name, path] of files) { element("a", name, links, { href: path }); links.append(" "); }
-    if (!files.length) element("span", "No log of it was kept: the command makes one. ", links, { class: "dim" });
+    if (!files.length) element("span", `No log of it is here${command ? ": the command makes one" : ""}. `, links, { class: "dim" });
     if (command) {
       element("p", `Fly it again${cell.version ? `; it was flown by version ${cell.version}` : ""}:`, box);
       const text = element("pre", command, box);

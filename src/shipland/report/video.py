@@ -225,7 +225,7 @@ class FlightVideo:
     ) -> None:
         """Write to `path` from the first frame on; `chase` is called with true and interpolated moments."""
         path.unlink(missing_ok=True)
-        self._path, self._rig, self._camera, self._parameters, self._chase = path, rig, camera, parameters, chase
+        self._path, self._rig, self._parameters, self._chase = path, rig, parameters, chase
         self._scale = STRIP_WIDTH_PX / camera.width_px
         self._picture_height_px = 2 * round(0.5 * self._scale * camera.height_px)
         width_px = STRIP_WIDTH_PX + (CHASE_WIDTH_PX if chase else 0)

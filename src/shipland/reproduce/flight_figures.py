@@ -15,7 +15,7 @@ from shipland.figures import drawn
 from shipland.frames import Array
 from shipland.record.reader import FlightLog, read_log
 from shipland.report.landing_plots import Touchdown, plot_touchdowns
-from shipland.report.palette import GREY, MODE_COLOURS, MODE_NAMES, VERMILION, Rgb, unit
+from shipland.report.palette import GREY, MODE_COLOURS, VERMILION, Rgb, mode_colour, mode_name, unit
 from shipland.report.plots import (
     draw_forward,
     draw_heading,
@@ -55,8 +55,8 @@ def figures_of_flights(folder: Path, out: Path) -> list[Path]:
     """
     logs = read_flights(folder)
     farthest = max(logs, key=lambda log: Tracks(log).distance_m[0])
-    info = logs[0].header.info
-    title = f"{info.scenario}, pilot {info.pilot}, {len(logs)} flight{'s' if len(logs) > 1 else ''}"
+    scenarios, pilots = ({getattr(log.header.info, name): None for log in logs} for name in ("scenario", "pilot"))
+    title = f"{', '.join(scenarios)}, pilot {', '.join(pilots)}, {len(logs)} flight{'s' if len(logs) > 1 else ''}"
     paths = [out / name for name in ("trajectories.png", "commands.png", "landings.png")]
     plot_trajectories(paths[0], logs, title)
     plot_commands(paths[1], farthest)
@@ -123,19 +123,15 @@ def plot_trajectories(path: Path, logs: Sequence[FlightLog], title: str) -> None
         draw_key(above, logs)
 
 
-def _stretches(log: FlightLog) -> Iterator[tuple[Rgb, npt.NDArray[np.bool_]]]:
-    """Each mode's colour and the (n,) frames of it; a stretch lasts until the next one's start."""
-    modes = log.columns().mode_number[[record.truth is not None for record in log.records]]
-    for mode, colour in MODE_COLOURS.items():
-        chosen = modes == mode.value
-        if chosen.any():
-            chosen[1:] |= chosen[:-1]
-            yield colour, chosen
+def _stretches(log: FlightLog, track: Tracks) -> Iterator[tuple[Rgb, npt.NDArray[np.bool_]]]:
+    """Of each stretch of one mode its colour and the (n,) frames of it; it lasts until the next one's start."""
+    for from_s, to_s, mode in log.columns().mode_spans():
+        yield mode_colour(mode), (track.t_s >= from_s) & (track.t_s <= to_s)
 
 
 def draw_above(axes: Axes, log: FlightLog, track: Tracks) -> None:
     """A flight and the ship from above; a ship under way is drawn every five seconds."""
-    for colour, chosen in _stretches(log):
+    for colour, chosen in _stretches(log, track):
         place_m = np.where(chosen[:, None], track.aircraft_m, np.nan)
         axes.plot(place_m[:, 0], place_m[:, 1], color=unit(colour), linewidth=1.0, alpha=0.85)
     if track.under_way:
@@ -151,7 +147,7 @@ def draw_above(axes: Axes, log: FlightLog, track: Tracks) -> None:
 
 
 def _draw_beside(axes: Axes, log: FlightLog, track: Tracks) -> None:
-    for colour, chosen in _stretches(log):
+    for colour, chosen in _stretches(log, track):
         distance_m = np.where(chosen, track.distance_m, np.nan)
         height_m = np.where(chosen, track.aircraft_m[:, 2], np.nan)
         axes.plot(-distance_m, height_m, color=unit(colour), linewidth=1.0, alpha=0.85)
@@ -163,8 +159,8 @@ def draw_key(axes: Axes, logs: Sequence[FlightLog]) -> None:
 
     seen = {record.decision.mode for log in logs for record in log.records}
     handles = [
-        Line2D([], [], color=unit(MODE_COLOURS[mode]), linewidth=2.5, label=MODE_NAMES[mode])
-        for mode in MODE_COLOURS
+        Line2D([], [], color=unit(mode_colour(mode)), linewidth=2.5, label=mode_name(mode))
+        for mode in (*MODE_COLOURS, None)
         if mode in seen
     ]
     for marker, colour, label in (

@@ -188,10 +188,7 @@ def take_pixels(
         what is looked at; 1 where the pixel counts, 0 where it repeats another, is too far out or not in the picture.
     """
     sides, (height, width) = len(lens), image.shape[:2]
-    farthest_px = 0.0
-    for side in range(sides):
-        farthest_px = max(farthest_px, reach_px[side])
-    reach = min(math.ceil(farthest_px), MOST_ACROSS)
+    reach = min(math.ceil(reach_px.max()), MOST_ACROSS)
     across = 2 * reach + 1
     levels = np.empty((sides, _STATIONS, across, 3), np.uint8)
     out_px, along = np.empty((sides, _STATIONS, across)), np.empty((sides, _STATIONS, across))
@@ -340,55 +337,40 @@ def _scale_sides(held: npt.NDArray[np.bool_], values: Array) -> bool:
     """Count values from 0 outside to 1 inside of their side, in place; False where one has too little contrast."""
     sides, stations, across = values.shape
     for side in range(sides):
-        inner = second = outer = before = 0.0
-        for station in range(stations):
-            inner += values[side, station, 0]
-            second += values[side, station, 1]
-            outer += values[side, station, across - 1]
-            before += values[side, station, across - 2]
-        ground = 0.5 * (outer + before) / stations
-        span = 1.0 if held[side] else 0.5 * (inner + second) / stations - ground
+        of_side = values[side]
+        ground = 0.5 * (of_side[:, across - 1].sum() + of_side[:, across - 2].sum()) / stations
+        span = 1.0 if held[side] else 0.5 * (of_side[:, 0].sum() + of_side[:, 1].sum()) / stations - ground
         if not span >= _LEAST_SIDE_CONTRAST:
             return False
-        scale = 1.0 / span
-        for station in range(stations):
-            for step in range(across):
-                values[side, station, step] = (values[side, station, step] - ground) * scale
-        _level_by_station(values[side])
+        of_side[:] = (of_side - ground) * (1.0 / span)
+        _level_by_station(of_side)
     return True
 
 
 @compiled
-def _outer(values: Array, station: int) -> float:
-    """Level outside at a station of a side (station,across)."""
+def outer_levels(values: Array) -> Array:
+    """Levels outside (station,) of a side (station,across)."""
     across = values.shape[1]
-    return 0.5 * float(values[station, across - 1] + values[station, across - 2])
+    return 0.5 * (values[:, across - 1] + values[:, across - 2])
 
 
 @compiled
-def _is_uneven(values: Array) -> bool:
-    """Whether the levels outside of a side (station,across) differ along it."""
-    stations = len(values)
-    mean = variance = 0.0
-    for station in range(stations):
-        mean += _outer(values, station)
-    mean /= stations
-    for station in range(stations):
-        variance += (_outer(values, station) - mean) ** 2 / stations
-    return variance > _UNEVEN**2
+def _are_uneven(levels: Array) -> bool:
+    """Whether the levels outside (station,) of a side differ along it."""
+    off = levels - levels.sum() / len(levels)
+    return bool((off * off / len(levels)).sum() > _UNEVEN**2)
 
 
 @compiled
 def _level_by_station(values: Array) -> None:
     """Counts each station's values (station,across) from its own levels, in place, where a side's differ along it."""
-    if not _is_uneven(values):
+    outer = outer_levels(values)
+    if not _are_uneven(outer):
         return
     for station in range(len(values)):
-        outer = _outer(values, station)
-        span = 0.5 * (values[station, 0] + values[station, 1]) - outer
+        span = 0.5 * (values[station, 0] + values[station, 1]) - outer[station]
         if span > _LEAST_STATION_CONTRAST:
-            for step in range(values.shape[1]):
-                values[station, step] = (values[station, step] - outer) / span
+            values[station] = (values[station] - outer[station]) / span
 
 
 @compiled
@@ -401,22 +383,14 @@ def set_on_even_ground(values: Array, along: Array) -> None:
         values: light of which 0 is what is outside on average over the side; changed.
         along: (station,across) places of the pixels along the side.
     """
-    if _is_uneven(values):  # whose stations have levels of their own
+    outer = outer_levels(values)
+    if _are_uneven(outer):  # whose stations have levels of their own
         return
-    stations, across = values.shape
-    mean = moment = spread = 0.0
-    for station in range(stations):
-        mean += along[station, across // 2]
-    mean /= stations
-    for station in range(stations):
-        apart = along[station, across // 2] - mean
-        moment += apart * _outer(values, station)
-        spread += apart * apart
-    slope = moment / max(spread, 1e-9)
-    for station in range(stations):
-        ground = slope * (along[station, across // 2] - mean)
-        for step in range(across):
-            values[station, step] = (values[station, step] - ground) / (1.0 - ground)
+    place = along[:, along.shape[1] // 2]
+    apart = place - place.sum() / len(place)
+    ground = (apart * outer).sum() / max((apart * apart).sum(), 1e-9) * apart
+    for station in range(len(values)):
+        values[station] = (values[station] - ground[station]) / (1.0 - ground[station])
 
 
 @compiled

@@ -12,8 +12,16 @@ from scipy.special import ndtr
 from shipland.camera import Camera
 from shipland.compiled import compiled
 from shipland.frames import Array
-from shipland.vision.near.edge_pixels import Sides, contrasts, distort, set_on_even_ground, stations_of, take_pixels
-from shipland.vision.near.segment import Image, edge_distances, reaches_edge
+from shipland.vision.near.edge_pixels import (
+    Sides,
+    contrasts,
+    distort,
+    outer_levels,
+    set_on_even_ground,
+    stations_of,
+    take_pixels,
+)
+from shipland.vision.near.segment import Image, edge_distances
 from shipland.vision.parameters import VisionParameters
 
 _NODES, _LAST_NODE = 64, 8.5
@@ -227,7 +235,7 @@ def edge_response(inside_px: float, blur_px: float) -> tuple[float, float, float
 
 @compiled
 def _ordered(values: Array) -> Array:
-    """(n,) in ascending order."""
+    """(n,) in ascending order: NumPy's sort takes seconds to compile."""
     ordered = np.empty(len(values))
     for index in range(len(values)):
         place = index
@@ -239,31 +247,21 @@ def _ordered(values: Array) -> Array:
 
 
 @compiled
-def _crossings(values: Array, out_px: Array, crossing_px: Array) -> None:
-    """Write where each column of a side's pixels (station,across) crosses the edge [px], by the area under it."""
-    stations, across = values.shape
-    for station in range(stations):
-        area = 0.0
-        for step in range(across):
-            area += values[station, step]
-        share = (area - 0.5) / (across - 1)
-        first_px = out_px[station, 0]
-        crossing_px[station] = first_px + share * (out_px[station, across - 1] - first_px)
+def _crossings(values: Array, out_px: Array) -> Array:
+    """(station,) where each column of a side's pixels (station,across) crosses the edge [px], by the area under it."""
+    across, area = values.shape[1], values.sum(axis=1)
+    share: Array = (area - 0.5) / (across - 1)
+    return out_px[:, 0] + share * (out_px[:, across - 1] - out_px[:, 0])
 
 
 @compiled
 def _coarse(crossing_px: Array, along: Array) -> tuple[float, float]:
     """Offset and tilt over the half length [px] of a side (station,across), from where its columns (station,) cross."""
-    stations, centre = len(crossing_px), along.shape[1] // 2
+    stations, place = len(crossing_px), along[:, along.shape[1] // 2]
     middle_px = _ordered(crossing_px)[stations // 2]
-    mean = mean2 = offset_px = moment = 0.0
-    for station in range(stations):
-        place = along[station, centre]
-        near_px = min(max(crossing_px[station], middle_px - 1.0), middle_px + 1.0)
-        mean += place / stations
-        mean2 += place * place / stations
-        offset_px += near_px / stations
-        moment += place * near_px / stations
+    near_px = np.minimum(np.maximum(crossing_px, middle_px - 1.0), middle_px + 1.0)
+    mean, mean2 = (place / stations).sum(), (place * place / stations).sum()
+    offset_px, moment = (near_px / stations).sum(), (place * near_px / stations).sum()
     tilt_px = (moment - mean * offset_px) / max(mean2 - mean * mean, 1e-6)
     return offset_px - tilt_px * mean, tilt_px
 
@@ -275,13 +273,15 @@ def _leave_out_strays(values: Array, pixels: Pixels, columns: Array) -> bool:
     They have other levels than most of the side, or an edge off the line on which most have theirs.
     """
     levels, out_px, along, use = pixels
-    sides, stations, across = values.shape
+    sides, stations, _ = values.shape
     if _all_alike(values, out_px, along):
         return False
     counted, stray = np.empty((sides, stations), np.bool_), np.empty((sides, stations), np.bool_)
     counts, strays, all_strays = np.empty(sides), np.empty(sides), 0.0
     for side in range(sides):
-        counts[side] = _counted_stations(use[side], counted[side])
+        for station in range(stations):
+            counted[side, station] = use[side, station].max() > 0.0
+        counts[side] = counted[side].sum()
         strays[side] = _mark_strays(values[side], out_px[side], along[side], counted[side], counts[side], stray[side])
         all_strays += strays[side]
     if all_strays == 0.0:
@@ -290,29 +290,12 @@ def _leave_out_strays(values: Array, pixels: Pixels, columns: Array) -> bool:
         columns[side] = max(columns[side] * ((counts[side] - strays[side]) / max(counts[side], 1.0)), 1.0)
         for station in range(stations):
             if stray[side, station]:
-                counted[side, station] = False
-                for step in range(across):
-                    use[side, station, step] = 0.0
+                counted[side, station], use[side, station] = False, 0.0
         for station in range(stations):
             nearest = _nearest(station, counted[side])
-            for step in range(across):
-                out_px[side, station, step] = out_px[side, nearest, step]
-                along[side, station, step] = along[side, nearest, step]
-                for colour in range(3):
-                    levels[side, station, step, colour] = levels[side, nearest, step, colour]
+            out_px[side, station], along[side, station] = out_px[side, nearest], along[side, nearest]
+            levels[side, station] = levels[side, nearest]
     return True
-
-
-@compiled
-def _counted_stations(use: Array, counted: npt.NDArray[np.bool_]) -> float:
-    """Write which columns of a side's pixels (station,across) count, those of which a pixel does; how many."""
-    count = 0.0
-    for station in range(len(counted)):
-        counted[station] = False
-        for step in range(use.shape[1]):
-            counted[station] = counted[station] or use[station, step] > 0.0
-        count += 1.0 if counted[station] else 0.0
-    return count
 
 
 @compiled
@@ -329,20 +312,16 @@ def _nearest(station: int, kept: npt.NDArray[np.bool_]) -> int:
 @compiled
 def _all_alike(values: Array, out_px: Array, along: Array) -> bool:
     """Whether all stations have nearly the levels of their side, and their edges lie near its line."""
-    sides, stations, across = values.shape
-    crossing_px = np.empty(stations)
+    sides, _, across = values.shape
     for side in range(sides):
-        for station in range(stations):
-            for step in range(2):
-                inner, outer = values[side, station, step], values[side, station, across - 1 - step]
-                if max(abs(1.0 - inner), abs(outer)) > _ALIKE * _STRAY_LEVEL:
-                    return False
-        _crossings(values[side], out_px[side], crossing_px)
+        inner, outer = values[side, :, :2], values[side, :, across - 2 :]
+        if max(np.abs(1.0 - inner).max(), np.abs(outer).max()) > _ALIKE * _STRAY_LEVEL:
+            return False
+        crossing_px = _crossings(values[side], out_px[side])
         offset_px, tilt_px = _coarse(crossing_px, along[side])
-        for station in range(stations):
-            line_px = offset_px + tilt_px * along[side, station, across // 2]
-            if not abs(crossing_px[station] - line_px) <= _ALIKE * _STRAY_PX:
-                return False
+        off_px = crossing_px - (offset_px + tilt_px * along[side, :, across // 2])
+        if not np.abs(off_px).max() <= _ALIKE * _STRAY_PX:
+            return False
     return True
 
 
@@ -356,23 +335,14 @@ def _mark_strays(
     stray: npt.NDArray[np.bool_],
 ) -> float:
     """Mark the stray ones among those columns of pixels (station,across) of a side that count; how many."""
-    stations, across = values.shape
-    inner, outer, crossing_px = np.empty(stations), np.empty(stations), np.empty(stations)
-    alike, scaled = np.empty(stations, np.int64), np.empty((stations, across))
-    for station in range(stations):
-        # Where there are fewer stations than room for them, the last one is repeated: all count alike here.
-        alike[station] = math.floor(station * count / stations)
-        inner[station] = 0.5 * (values[station, 0] + values[station, 1])
-        outer[station] = 0.5 * (values[station, across - 1] + values[station, across - 2])
-    inside, outside = _median(inner, alike), _median(outer, alike)
+    stations = len(values)
+    inner, outer = 0.5 * (values[:, 0] + values[:, 1]), outer_levels(values)
+    # Where there are fewer stations than room for them, the last one is repeated: all count alike here.
+    alike = np.floor(np.arange(stations) * count / stations).astype(np.int64)
+    inside, outside = _median(inner[alike]), _median(outer[alike])
     span = max(inside - outside, 0.1)
-    fits = np.empty(stations, np.bool_)
-    for station in range(stations):
-        off = max(abs(inner[station] - inside), abs(outer[station] - outside))
-        fits[station] = off <= _STRAY_LEVEL * span
-        for step in range(across):
-            scaled[station, step] = (values[station, step] - outside) / span
-    _crossings(scaled, out_px, crossing_px)
+    fits = np.maximum(np.abs(inner - inside), np.abs(outer - outside)) <= _STRAY_LEVEL * span
+    crossing_px = _crossings((values - outside) / span, out_px)
     fewest, best = math.inf, 0
     for pair in range(len(_FIRST)):
         first, last = alike[_FIRST[pair]], alike[_LAST[pair]]
@@ -383,20 +353,15 @@ def _mark_strays(
     _mark_off_line(crossing_px, along, first, last, fits, counted, stray)
     if fewest < _MOST_STRAY * count:
         return fewest
-    for station in range(stations):
-        stray[station] = False
+    stray[:] = False
     return 0.0
 
 
 @compiled
-def _median(values: Array, stations: npt.NDArray[np.int64]) -> float:
-    """Median of the values at some stations."""
-    count = len(stations)
-    some = np.empty(count)
-    for index in range(count):
-        some[index] = values[stations[index]]
-    ordered = _ordered(some)
-    return 0.5 * float(ordered[(count - 1) // 2] + ordered[count // 2])
+def _median(values: Array) -> float:
+    """Of values (n,)."""
+    ordered = _ordered(values)
+    return 0.5 * float(ordered[(len(values) - 1) // 2] + ordered[len(values) // 2])
 
 
 @compiled
@@ -410,14 +375,11 @@ def _mark_off_line(
     stray: npt.NDArray[np.bool_],
 ) -> float:
     """Mark stations that count and do not fit, or lie off the line through two of them; how many."""
-    centre, strays = along.shape[1] // 2, 0.0
-    run = along[last, centre] - along[first, centre]
-    slope = 0.0 if abs(run) < 0.1 else (crossing_px[last] - crossing_px[first]) / run
-    for station in range(len(stray)):
-        off_px = crossing_px[station] - crossing_px[first] - slope * (along[station, centre] - along[first, centre])
-        stray[station] = counted[station] and not (fits[station] and abs(off_px) <= _STRAY_PX)
-        strays += 1.0 if stray[station] else 0.0
-    return strays
+    place = along[:, along.shape[1] // 2] - along[first, along.shape[1] // 2]
+    slope = 0.0 if abs(place[last]) < 0.1 else (crossing_px[last] - crossing_px[first]) / place[last]
+    off_px = crossing_px - crossing_px[first] - slope * place
+    stray[:] = counted & ~(fits & (np.abs(off_px) <= _STRAY_PX))
+    return float(stray.sum())
 
 
 @compiled
@@ -427,19 +389,16 @@ def _first_blur_px(values: Array, out_px: Array, along: Array, ends: Array) -> f
     The differences of neighbouring pixels have the variance σ² + 1/12 px² for a pixel's own size and 1/12 more
     for its sampling, on average over where the edge meets the pixels.
     """
-    sides, stations, across = values.shape
+    sides = len(values)
     variances = np.empty(sides)
     for side in range(sides):
-        moment = weight = 0.0
-        for station in range(stations):
-            for step in range(across - 1):
-                fall = values[side, station, step] - values[side, station, step + 1]
-                between_px = 0.5 * (out_px[side, station, step] + out_px[side, station, step + 1])
-                between_px -= ends[0, side] + ends[1, side] * along[side, station, step]
-                moment += fall * between_px * between_px
-                weight += fall
-        spacing_px = out_px[side, 0, 1] - out_px[side, 0, 0]
-        variances[side] = moment / max(weight, 1e-3) - (1.0 + spacing_px * spacing_px) / 12.0
+        level, place_px = values[side], out_px[side]
+        fall = level[:, :-1] - level[:, 1:]
+        line_px = ends[0, side] + ends[1, side] * along[side][:, :-1]
+        between_px = 0.5 * (place_px[:, :-1] + place_px[:, 1:]) - line_px
+        moment = (fall * between_px * between_px).sum()
+        spacing_px = place_px[0, 1] - place_px[0, 0]
+        variances[side] = moment / max(fall.sum(), 1e-3) - (1.0 + spacing_px * spacing_px) / 12.0
     return min(max(math.sqrt(max(_ordered(variances)[sides // 2], 0.0)), _BLUR_PX[0]), _BLUR_PX[1])
 
 
@@ -467,12 +426,11 @@ def _fit_sides(
     """
     outward, _, half_px, reach_px, _ = sides
     pixels = take_pixels(image, outward, reach_px, half_px, lens, columns)
-    values = np.empty(pixels[1].shape)
-    fit = _fit_light(values, pixels, sides, columns, blur_px, errors_px, False, ends, variance)
+    fit = _fit_light(pixels, sides, columns, blur_px, errors_px, False, ends, variance)
     if fit[0] and not fit[3]:
         return fit
     other_ends, other_variance = np.empty_like(ends), np.empty_like(variance)
-    other = _fit_light(values, pixels, sides, columns, math.nan, errors_px, True, other_ends, other_variance)
+    other = _fit_light(pixels, sides, columns, math.nan, errors_px, True, other_ends, other_variance)
     # Two coded fits are compared by their pixels; beside a clean one, what coding adds counts.
     of_fit, of_other = variance[0].sum(), other_variance[0].sum()
     if fit[0]:
@@ -502,7 +460,6 @@ def _add_coding(fit: Fit, sides: SideArrays, errors_px: tuple[float, float, floa
 
 @compiled
 def _fit_light(
-    values: Array,
     pixels: Pixels,
     sides: SideArrays,
     columns: Array,
@@ -513,38 +470,19 @@ def _fit_light(
     variance: Array,
 ) -> Fit:
     """`_fit_sides` by one kind of light; columns that do not show the edge are left out, of the first one."""
-    there, clipped, per_level = contrasts(pixels[0], sides[4], by_luma, values)
+    levels, out_px, along, use = pixels
+    _, length_px, half_px, reach_px, held = sides
+    values = np.empty(out_px.shape)  # 1 inside and 0 outside
+    there, clipped, per_level = contrasts(levels, held, by_luma, values)
     if there and not by_luma and _leave_out_strays(values, pixels, columns):
-        there, clipped, per_level = contrasts(pixels[0], sides[4], False, values)
+        there, clipped, per_level = contrasts(levels, held, False, values)
     if not there:
         return False, blur_px, 0.0, False, clipped
-    return _fit_to(values, pixels, sides, columns, blur_px, errors_px, clipped, per_level, ends, variance)
-
-
-@compiled
-def _fit_to(
-    values: Array,
-    pixels: Pixels,
-    sides: SideArrays,
-    columns: Array,
-    blur_px: float,
-    errors_px: tuple[float, float, float],
-    clipped: bool,
-    per_level: float,
-    ends: Array,
-    variance: Array,
-) -> Fit:
-    """`_fit_sides` to the light of pixels (s,station,across), 1 inside and 0 outside; it is changed."""
-    _, out_px, along, use = pixels
-    _, length_px, half_px, reach_px, held = sides
     count = len(values)
-    least_reach_px = math.inf
-    for side in range(count):
-        least_reach_px = min(least_reach_px, reach_px[side])
     _fit_coarsely(values, out_px, along, ends)
     if math.isnan(blur_px):
         blur_px = _first_blur_px(values, out_px, along, ends)
-    if blur_px <= _SHARP * least_reach_px:
+    if blur_px <= _SHARP * reach_px.min():
         for side in range(count):
             set_on_even_ground(values[side], along[side])
         _fit_coarsely(values, out_px, along, ends)
@@ -590,7 +528,7 @@ def _fit_to(
         if not (held[side] or abs(ends[0, side]) + abs(ends[1, side]) <= reach_px[side]):
             return False, blur_px, 0.0, False, clipped
         residual2 = sums[side, 7] - (step[side, 0] * sums[side, 3] + step[side, 1] * sums[side, 4])
-        variance[0, side] = max(residual2, 0.0) / max(_total(use[side]) - 2.0, 1.0)
+        variance[0, side] = max(residual2, 0.0) / max(use[side].sum() - 2.0, 1.0)
         misfit2 += variance[0, side] / count
     misfit = math.sqrt(misfit2)
     noisy = misfit > max(_MISFIT, _MISFIT_LEVELS * per_level)
@@ -615,20 +553,8 @@ def _fit_to(
 @compiled
 def _fit_coarsely(values: Array, out_px: Array, along: Array, ends: Array) -> None:
     """Write offset and tilt (2,s) [px] of sides by the area under their columns of pixels (s,station,across)."""
-    crossing_px = np.empty(values.shape[1])
     for side in range(len(values)):
-        _crossings(values[side], out_px[side], crossing_px)
-        ends[0, side], ends[1, side] = _coarse(crossing_px, along[side])
-
-
-@compiled
-def _total(values: Array) -> float:
-    """Sum of an array of rows."""
-    total = 0.0
-    for row in range(len(values)):
-        for column in range(values.shape[1]):
-            total += values[row, column]
-    return total
+        ends[0, side], ends[1, side] = _coarse(_crossings(values[side], out_px[side]), along[side])
 
 
 @compiled
@@ -757,11 +683,8 @@ def _intersect(
     return math.sqrt(noise2)
 
 
-def _held(image: Image, quads_px: Array, camera: Camera) -> npt.NDArray[np.bool_] | None:
-    """(4n,) sides that lie on the picture's edge, where `find_quads` has set them; None when none does."""
+def _held(image: Image, quads_px: Array, camera: Camera) -> npt.NDArray[np.bool_]:
+    """(4n,) sides that lie on the picture's edge, where `find_quads` has set them."""
     raw_px = distort(quads_px.reshape(-1, 2), camera).reshape(quads_px.shape)
-    if not reaches_edge(raw_px, image.shape[1], image.shape[0]):
-        return None
     on = edge_distances(raw_px, image.shape[1], image.shape[0]) < 0.5
-    held = (on & np.roll(on, -1, axis=1)).any(axis=-1).reshape(-1)
-    return held if held.any() else None
+    return np.asarray((on & np.roll(on, -1, axis=1)).any(axis=-1).reshape(-1))

@@ -161,7 +161,10 @@ def solve_pose(match: Match, measured: MeasuredCorners, setup: Setup, known: Kno
     corners_px, edge_bias_px = measured.corners_px, measured.edge_bias_px
     common_px = None if edge_bias_px is None else edge_bias_px[None]
     if setup.camera.row_time_s > 0.0:
-        moved = _row_motion(corners_px, match, setup, known.followed)
+        model, last = list(match.model), known.followed
+        rows = distort(corners_px.reshape(-1, 2), setup.camera)[:, 1].reshape(corners_px.shape[:2])
+        last = None if last is None else replace(last, corners_px=last.corners_px[model])
+        moved = row_motion(corners_px, rows, setup.plane_m[model], setup.camera, setup.parameters, last)
         corners_px = corners_px - moved.moved_px
         common_px = moved.unsure_px if common_px is None else np.concatenate([common_px, moved.unsure_px])
     corners = Corners(corners_px, measured.whiten, setup.plane_m[list(match.model)], common_px)
@@ -234,11 +237,3 @@ def row_motion(
         motion_px_s, std_px_s = (place @ fit).reshape(corners_px.shape), parameters.row_shake_px_s
     unsure_px = std_px_s * late_s[..., None] * _AXES[:, None, None]
     return RowMotion(late_s[..., None] * motion_px_s, unsure_px)
-
-
-def _row_motion(corners_px: Array, match: Match, setup: Setup, followed: Followed | None) -> RowMotion:
-    """Motion of the corners (k,4,2) of a match between the times of their rows."""
-    rows = distort(corners_px.reshape(-1, 2), setup.camera)[:, 1].reshape(corners_px.shape[:2])
-    model = list(match.model)
-    last = None if followed is None else replace(followed, corners_px=followed.corners_px[model])
-    return row_motion(corners_px, rows, setup.plane_m[model], setup.camera, setup.parameters, last)

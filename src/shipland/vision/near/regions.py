@@ -264,9 +264,8 @@ def _cores(image: Image, light: Image, parameters: VisionParameters) -> list[Con
 
 def _has_halo(light: Image, contour: Contour) -> bool:
     """Whether what is just outside of a region has the cue's colour."""
-    left, top, width, height = cv2.boundingRect(contour)
-    left, top = max(left - _RIM_PX, 0), max(top - _RIM_PX, 0)
-    seen = light[top : top + height + 2 * _RIM_PX, left : left + width + 2 * _RIM_PX]
+    left, top, width, height = _box(contour)
+    seen = light[top : top + height, left : left + width]
     core = np.zeros(seen.shape, np.uint8)
     cv2.drawContours(core, [contour], -1, 255, cv2.FILLED, offset=(-left, -top))
     ring = cv2.bitwise_and(cv2.dilate(core, _RIM, iterations=2), cv2.bitwise_not(core))

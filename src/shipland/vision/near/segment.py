@@ -286,9 +286,7 @@ def is_cut_quad(region: Region) -> bool:
 
     Its hull is: a frame that the edge cuts is open there, and its region a U.
     """
-    hull = cv2.convexHull(region.contour_px)
-    hull_px2 = cv2.contourArea(hull)
-    return hull_px2 > 0.0 and _quad_of_hull(hull, hull_px2, _CUT_SIDE_PX) is not None
+    return quad_around(region, _CUT_SIDE_PX) is not None
 
 
 def _is_plain(region: Region) -> bool:
@@ -301,12 +299,6 @@ def edge_distances(quad_px: Array, width_px: int, height_px: int) -> Array:
     """(…,4) distances [px] of corners (…,2) from the picture's left, top, right and lower edge."""
     column, row = quad_px[..., 0], quad_px[..., 1]
     return np.stack([column + 0.5, row + 0.5, width_px - 0.5 - column, height_px - 0.5 - row], axis=-1)
-
-
-def reaches_edge(quads_px: Array, width_px: int, height_px: int) -> bool:
-    """Whether a corner (…,2) lies on the picture's edge or beyond, to within half a pixel."""
-    left, top, right, bottom = extent_px(quads_px.reshape(-1, 2))
-    return bool(left < 0.0 or top < 0.0 or right > width_px - 1.0 or bottom > height_px - 1.0)
 
 
 def _snapped(quad: Array, width_px: int, height_px: int) -> Array | None:

@@ -92,9 +92,10 @@ def stroke_polygons(
         hue: of the cue.
         plane_m: (n,k,2) the cue's polygons.
     """
-    hulls = [hull for hull in (_Hull.of(polygon_m) for polygon_m in plane_m) if hull is not None]
+    hulls_m = [cv2.convexHull(it.astype(np.float32), clockwise=False)[:, 0].astype(float) for it in plane_m]
+    known = [(polygon_m, hull_m) for polygon_m, hull_m in zip(plane_m, hulls_m, strict=True) if len(hull_m) == 4]
     found = []
-    for cut in _cuts(image, window, parameters, hue) if hulls else []:
+    for cut in _cuts(image, window, parameters, hue) if known else []:
         enlarged = np.asarray(
             cv2.resize(cut.of(image), None, fx=_ENLARGED, fy=_ENLARGED, interpolation=cv2.INTER_CUBIC), np.uint8
         )
@@ -105,7 +106,7 @@ def stroke_polygons(
             quad = None if region is None or region.cut else quad_around(region, _ENLARGED * parameters.min_side_px)
             if quad is not None:
                 quad_px = (quad + 0.5) / _ENLARGED - 0.5 + [cut.left, cut.top]
-                found += [hull.polygon_px(quad_px) for hull in hulls]
+                found += [_polygon_px(polygon_m, hull_m, quad_px) for polygon_m, hull_m in known]
     return found
 
 
@@ -127,31 +128,13 @@ def _cuts(image: Image, window: Window, parameters: VisionParameters, hue: Hue) 
     return cuts
 
 
-@dataclass(frozen=True)
-class _Hull:
-    """A polygon of the cue by its hull.
-
-    Attributes:
-        corners_m: (4,2) of its convex hull, clockwise.
-        polygon_m: (k,2).
-    """
-
-    corners_m: Array
-    polygon_m: Array
-
-    @staticmethod
-    def of(polygon_m: Array) -> _Hull | None:
-        """None where the hull has another number of corners than four."""
-        hull = cv2.convexHull(polygon_m.astype(np.float32), clockwise=False)[:, 0].astype(float)
-        return _Hull(hull, polygon_m) if len(hull) == 4 else None
-
-    def polygon_px(self, quad_px: Array) -> Array:
-        """(k,2) the polygon whose hull is a quadrilateral (4,2) of the picture, upright as far as can be."""
-        model = _directions(self.corners_m)
-        turns = [np.roll(quad_px, -turn, axis=0) for turn in range(4)]
-        best = max(turns, key=lambda turned: float((model * _directions(turned)).sum()))
-        view = cv2.getPerspectiveTransform(self.corners_m.astype(np.float32), best.astype(np.float32))
-        return np.asarray(cv2.perspectiveTransform(self.polygon_m[None], view)[0])
+def _polygon_px(polygon_m: Array, hull_m: Array, quad_px: Array) -> Array:
+    """(k,2) a polygon (k,2) whose hull (4,2) is a quadrilateral (4,2) of the picture, upright as far as can be."""
+    model = _directions(hull_m)
+    turns = [np.roll(quad_px, -turn, axis=0) for turn in range(4)]
+    best = max(turns, key=lambda turned: float((model * _directions(turned)).sum()))
+    view = cv2.getPerspectiveTransform(hull_m.astype(np.float32), best.astype(np.float32))
+    return np.asarray(cv2.perspectiveTransform(polygon_m[None], view)[0])
 
 
 def _directions(corners: Array) -> Array:
