@@ -36,12 +36,13 @@ def say(record, data=b""):
     head = json.dumps({**record, "t_s": time.monotonic(), "bytes": len(data)})
     sys.stdout.buffer.write(head.encode() + b"\\n" + data)
     sys.stdout.buffer.flush()
-mute, n = threading.Event(), 0
+mute, still, n = threading.Event(), threading.Event(), 0
 def stream():
     global n
     while not mute.is_set():
         n += 1
-        say({"kind": "picture", "stamp_s": n / 30.0, "size_px": [64, 36], "planes": "NV12"}, bytes(36 * 64 * 3 // 2))
+        shown = bytes([0 if still.is_set() else n % 250]) + bytes(36 * 64 * 3 // 2 - 1)
+        say({"kind": "picture", "stamp_s": n / 30.0, "size_px": [64, 36], "planes": "NV12"}, shown)
         if n % 6 == 0:
             say({"kind": "attitude", "values": {"roll": 0.1, "pitch": float("nan") if n % 12 else 0.2, "yaw": 3.5}})
             say({"kind": "speed", "values": {"speedX": 0.0, "speedY": 0.0, "speedZ": 0.0}})
@@ -59,6 +60,7 @@ for line in sys.stdin:
     if "write" in asked: sys.stdout.buffer.write(asked["write"].encode() + b"\\n"); sys.stdout.buffer.flush()
     if asked.get("land"): say({"kind": "flying", "values": {"state": "landed"}})
     if asked.get("gimbal_deg", 0) > 80: mute.set()
+    elif asked.get("gimbal_deg", 0) > 70: still.set()
     if asked.get("gimbal_deg", 0) < -80: sys.exit()
 """
 
@@ -117,8 +119,8 @@ def test_it_takes_off_streams_and_lands(tmp_path: Path) -> None:
         assert flown.telemetry_at(1.0).heading_rad == pytest.approx(3.5 - 2.0 * math.pi)
 
 
-@pytest.mark.parametrize(("gimbal_deg", "reason"), [(85.0, "video lost"), (-85.0, "has ended")])
-def test_lost_video_and_a_lost_process_end_the_flight(tmp_path: Path, gimbal_deg: float, reason: str) -> None:
+@pytest.mark.parametrize(("gimbal_deg", "reason"), [(85.0, "video lost"), (75.0, "video lost"), (-85.0, "has ended")])
+def test_lost_or_frozen_video_and_a_lost_process_end_the_flight(tmp_path: Path, gimbal_deg: float, reason: str) -> None:
     with vehicle(tmp_path) as (flown, _):
         flown.open()
         end_s = time.monotonic() + 5.0

@@ -66,7 +66,7 @@ class AnafiVehicle(LinkVehicle):
         self._heard_s = self._given_s = self._pictured_s = self._gimbal_s = self._still_s = self._asked_s = -math.inf
         self._answers = self._watched = self._yielded = False
         self._landing = self._at_contact_height = False
-        self._problem = ""
+        self._problem, self._shown = "", b""
         self._in_command = "somebody else (not given to us yet)"
         self._refused = 0
 
@@ -309,6 +309,10 @@ class AnafiVehicle(LinkVehicle):
         arrived_s, (width_px, height_px) = time.monotonic(), map(int, record["size_px"])
         if wrong := wrong_size("pictures are", (width_px, height_px), (self.camera.width_px, self.camera.height_px)):
             self._problem = wrong
+            return
+        before, self._shown = self._shown, data
+        if data == before:  # no two of a camera have the same noise: the stream stands still
+            self._refused += 1
             return
         image = _bgr(data, record["planes"], width_px, height_px)
         exposed_s = self._clock.exposed_s(float(record["stamp_s"]), arrived_s)
