@@ -188,6 +188,17 @@ def test_intrinsics_come_back(distortion: np.ndarray) -> None:
     assert back.back_project(rays) == pytest.approx(camera.back_project(rays), abs=1e-9)
 
 
+@pytest.mark.parametrize("topic", ["cam/image_rect", "cam/image_rect_color/compressed"])
+def test_rectified_pictures_are_not_undistorted_again(topic: str) -> None:
+    camera = Camera(640, 360, np.array([[500.0, 0.0, 320.0], [0.0, 501.0, 180.0], [0.0, 0.0, 1.0]]), np.full(5, 0.1))
+    info = images.camera_info(camera, 1.0, "camera")
+    info.p = np.array([480.0, 0.0, 310.0, 0.0, 0.0, 481.0, 170.0, 0.0, 0.0, 0.0, 1.0, 0.0])
+    info.distortion_model = "equidistant"
+    rectified = images.camera_of(info, topic)
+    assert not rectified.distortion.any()
+    assert rectified.matrix[0].tolist() == [480.0, 0.0, 310.0]
+
+
 def test_intrinsics_that_are_none_say_so() -> None:
     with pytest.raises(DataError, match="K is zero"):
         images.camera_of(message("sensor_msgs/msg/CameraInfo", width=640, height=360))

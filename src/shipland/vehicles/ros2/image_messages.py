@@ -29,16 +29,22 @@ def camera_info(camera: Camera, t_s: float, frame: str) -> Message:
     )
 
 
-def camera_of(info: Message) -> Camera:
-    """Intrinsics of a CameraInfo; DataError when it is not calibrated or of a model that OpenCV's pinhole has not."""
-    if info.distortion_model not in ("", "plumb_bob", "rational_polynomial"):
+def camera_of(info: Message, topic: str = "") -> Camera:
+    """Intrinsics of a CameraInfo, for the pictures of a topic; image_proc's rectified ones have P and no distortion.
+
+    Raises:
+        DataError: it is not calibrated, or of a model that OpenCV's pinhole has not.
+    """
+    rectified = any(part.startswith("image_rect") for part in topic.split("/"))
+    if not rectified and info.distortion_model not in ("", "plumb_bob", "rational_polynomial"):
         raise DataError(f"camera_info: distortion model {info.distortion_model!r}; expected plumb_bob")
-    matrix = np.array(info.k, dtype=float).reshape(3, 3)
+    matrix = np.array(info.p, float).reshape(3, 4)[:, :3] if rectified else np.array(info.k, float).reshape(3, 3)
     if not matrix.any():
-        raise DataError("camera_info says that the camera is not calibrated: K is zero; give --calibration FILE")
-    distortion = np.array(info.d, dtype=float)
+        name = "P" if rectified else "K"
+        raise DataError(f"camera_info says that the camera is not calibrated: {name} is zero; give --calibration FILE")
+    distortion = np.zeros(5) if rectified or not len(info.d) else np.array(info.d, dtype=float)
     try:
-        return Camera(int(info.width), int(info.height), matrix, distortion if distortion.size else np.zeros(5))
+        return Camera(int(info.width), int(info.height), matrix, distortion)
     except ValueError as error:
         raise DataError(f"camera_info: {error}") from None
 

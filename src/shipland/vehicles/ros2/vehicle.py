@@ -173,7 +173,7 @@ class Ros2Vehicle(SetpointVehicle):
 
     def _take_camera(self, info: object) -> None:
         try:
-            self._camera = self._camera or camera_of(info)
+            self._camera = self._camera or camera_of(info, self._setup.topics["image"])
         except Exception as error:
             self._camera_problem = str(error)
             raise
