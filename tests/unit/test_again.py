@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from errno import ENOSPC
+from os import strerror
 from pathlib import Path
 
 import pytest
@@ -32,6 +34,15 @@ def test_the_same_code_flies_the_same_flight(flown, tmp_path, capsys):
     assert capsys.readouterr().out.splitlines()[-1] == "the same flight, bit for bit"
     assert (tmp_path / "side-by-side.png").stat().st_size > 10_000
     assert read_log(tmp_path / "flight.mcap").header.info.seed == 4
+
+
+def test_an_output_that_failed_is_told(flown, tmp_path, monkeypatch):
+    def full(_):
+        raise OSError(ENOSPC, strerror(ENOSPC))
+
+    monkeypatch.setattr("shipland.report.outputs.write_layout", full)
+    with pytest.raises(DataError, match="not on record as asked: layout given up: No space left"):
+        Again(flown, out=tmp_path).run()
 
 
 def test_a_change_parts_them_and_it_is_said_where(flown, tmp_path, capsys):

@@ -5,7 +5,9 @@ import json
 import shutil
 import sys
 import zipfile
+from errno import ENOSPC
 from hashlib import sha256
+from os import strerror
 from pathlib import Path
 
 import numpy as np
@@ -291,6 +293,26 @@ def test_a_damaged_bundle_is_one_line(bundle, what):
     bundle.write_bytes(data)
     with pytest.raises(DataError, match="is no bundle of"), opened(bundle):
         pass
+
+
+def test_a_full_disk_and_a_missing_file_are_told_as_such(bundle, true_bundle, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(ENOSPC, strerror(ENOSPC))
+
+    with pytest.raises(DataError, match=r"none\.zip cannot be unpacked: No such file"), opened(tmp_path / "none.zip"):
+        pass
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(DataError, match=r"true\.zip cannot be unpacked: No space left"), opened(bundle):
+        pass
+    monkeypatch.setattr(zipfile.ZipFile, "writestr", full)
+    with pytest.raises(DataError, match=r"mine\.zip cannot be written: No space left"):
+        write_bundle(true_bundle / "flown", tmp_path / "mine.zip", "mine", 1, None)
+
+
+def test_a_part_of_a_suite_leaves_no_bundle(tmp_path, here):
+    done = here("submit", fly(tmp_path / "part", only="rig-*"), "--title", "part", "--out", tmp_path / "part.zip")
+    assert (done.returncode, "every cell counts" in done.stderr) == (2, True)
+    assert not (tmp_path / "part.zip").exists()
 
 
 def test_an_own_aircraft_is_taken_along(tmp_path, monkeypatch):

@@ -62,8 +62,11 @@ def test_a_submodule_is_of_its_extra():
 @pytest.mark.slow
 def test_the_base_flies_films_and_says_what_is_missing(tmp_path):
     words = ("fly", "--set", "time_limit_s=0.4", "--vision", "geometric", "--out", "out")
-    done = without(["matplotlib", "av", "openvino"], words, cwd=tmp_path)
-    assert done.stdout.splitlines()[-1] == "1", done.stderr  # flown, not landed
+    again = ("again", "out/flight.mcap", "--out", "again")
+    done = without(["matplotlib", "av", "openvino"], words, again, cwd=tmp_path)
+    said = done.stdout.splitlines()
+    assert (said[0], *said[-2:]) == ("1", "the same flight, bit for bit", "1"), done.stderr  # flown, not landed
+    assert "no side-by-side.png: pip install 'shipland[plots]'" in done.stderr
     assert "no plots.png: pip install 'shipland[plots]'" in done.stderr
     assert "H.264: pip install 'shipland[film]'" in done.stderr
     names = {path.name for path in (tmp_path / "out").iterdir()}

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shipland.commands.options import Changes, Log, command_line
+from shipland.commands.options import Changes, Log, command_line, require_record
+from shipland.extras import installed
 
 if TYPE_CHECKING:
     from shipland.evaluation.replays import PastFlight
@@ -77,13 +78,16 @@ class Again:
             known.scenario, pilot=known.pilot, vision=known.vision, seed=known.seed, out=out, video=self.video,
             command=command_line(), response=response,
         )  # fmt: skip
+        require_record(flight)
         if known.log is None:
             print(f"as it was flown: {known.result}\nagain:           {flight.reason}")
         else:
             before, after = read_log(known.log), read_log(out / LOG_NAME)
             for line in comparison(before, after):
                 print(line)
-            if before.records and after.records:
+            if not installed("plots"):
+                print("no side-by-side.png: pip install 'shipland[plots]'", file=sys.stderr)
+            elif before.records and after.records:
                 plot_pair(out / "side-by-side.png", before, after)
         print(f"{out}: {', '.join(sorted(path.name for path in out.iterdir() if path.is_file()))}", file=sys.stderr)
         return 0 if flight.success else 1

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from shipland.commands.options import CampaignOptions, SuiteName, command_line, names_of
+from shipland.commands.options import CampaignOptions, SuiteName, command_line, names_of, picture
 from shipland.errors import ConfigError
-from shipland.extras import installed
 
 if TYPE_CHECKING:
     from shipland import campaigns
@@ -61,8 +60,8 @@ class Campaign(CampaignOptions):
             raise ConfigError("give either a suite (`shipland suites` names them) or --scenario")
         found, stopped = self.flown(self._campaign, self.out)
         print((self.out / "tables.md").read_text(encoding="utf-8"), end="")
-        picture = "landings.png" if installed("plots") else "(no landings.png: pip install 'shipland[plots]')"
-        files = f"tables.md, flights.csv, and for each cell a folder with landings.csv, table.md, {picture} and logs"
+        of_a_cell = f"landings.csv, table.md, {picture('landings.png')} and logs"
+        files = f"tables.md, flights.csv, and for each cell a folder with {of_a_cell}"
         page = f"one page of all: shipland report {shlex.quote(str(self.out))}"
         print(f"{self.out}: {files}; {page}", file=sys.stderr)
         return 130 if stopped else int(found.left > 0)

@@ -35,9 +35,11 @@ class Compare:
         from shipland.evaluation.leaderboard import campaign_pairings, pairings_table
         from shipland.evaluation.tables import comparison
 
-        if all(cells_file(folder).exists() for folder in (self.first, self.second)):
+        folders = (self.first, self.second)
+        if all(cells_file(folder).exists() for folder in folders):
             print(pairings_table(campaign_pairings(read_cells([self.first]), read_cells([self.second]))))
             return 0
-        first, second = read_campaign(self.first), read_campaign(self.second)
-        print(comparison(first, second, (str(self.first), str(self.second))))
+        # what is no campaign at all is named first
+        read = {folder: read_campaign(folder) for folder in sorted(folders, key=lambda it: cells_file(it).exists())}
+        print(comparison(read[self.first], read[self.second], (str(self.first), str(self.second))))
         return 0

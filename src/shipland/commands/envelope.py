@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from shipland.commands.options import CampaignOptions, command_line, names_of
+from shipland.commands.options import CampaignOptions, command_line, names_of, picture
 from shipland.errors import ConfigError, DataError
 from shipland.extras import installed
 
@@ -63,10 +63,8 @@ class Envelope(CampaignOptions):
         found, stopped = self.flown(self._envelopes, self.out)
         write_rows(self.out / "flights.csv", found.cells)
         if found.envelopes:
-            picture = installed("plots")
-            print(write_envelopes(self.out, found.envelopes, command_line(), picture), end="")
-            drawn = "envelope.png" if picture else "(no envelope.png: pip install 'shipland[plots]')"
-            print(f"{self.out}: envelope.json, envelope.md, flights.csv, {drawn}", file=sys.stderr)
+            print(write_envelopes(self.out, found.envelopes, command_line(), installed("plots")), end="")
+            print(f"{self.out}: envelope.json, envelope.md, flights.csv, {picture('envelope.png')}", file=sys.stderr)
         elif not stopped:
             raise DataError(f"{self.out}: not every cell has a flight yet; run the command again to resume")
         return 130 if stopped else int(found.left > 0)

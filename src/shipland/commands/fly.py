@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shipland.commands.options import ScenarioOptions, check_ports, command_line
-from shipland.errors import ConfigError, DataError
+from shipland.commands.options import ScenarioOptions, check_ports, command_line, require_record
+from shipland.errors import ConfigError
 from shipland.extras import installed
 
 if TYPE_CHECKING:
@@ -125,8 +125,7 @@ class Fly(ScenarioOptions):
                 if live.left_out:
                     terminal.say(f"live: {live.left_out} cycles were left out: a viewer is slower than the flight")
         _report(terminal, self, flight)
-        if flight.problems:
-            raise DataError(f"the flight is not on record as asked: {'; '.join(flight.problems)}")
+        require_record(flight)
         return 0 if flight.success else 1
 
     def _refuse_wrong_options(self) -> None:

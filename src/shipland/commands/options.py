@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import tyro
 
 from shipland.errors import ConfigError, DataError
+from shipland.extras import installed
 from shipland.learning.arguments import positive
 
 if TYPE_CHECKING:
+    from shipland.api import Flight
     from shipland.learning.shot import ShipAndCamera
     from shipland.scenario.scenario import Scenario
 
@@ -94,6 +96,17 @@ def ship_and_camera_of(scenario: str | None) -> ShipAndCamera:
         return PACKAGED
     found = load_scenario(scenario)
     return ShipAndCamera(found.name, found.rig, found.camera)
+
+
+def require_record(flight: Flight) -> None:
+    """DataError where an output of the flight failed."""
+    if flight.problems:
+        raise DataError(f"the flight is not on record as asked: {'; '.join(flight.problems)}")
+
+
+def picture(name: str) -> str:
+    """A picture's name; without the extra, in words that say what to install."""
+    return name if installed("plots") else f"(no {name}: pip install 'shipland[plots]')"
 
 
 def command_line() -> str:

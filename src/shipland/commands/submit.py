@@ -36,12 +36,17 @@ class Submit:
 
     def run(self) -> int:
         """Write the bundle and say what is in it."""
+        from shipland.errors import DataError
         from shipland.evaluation.bundle import opened, write_bundle
 
         at_least(0, logs=self.logs)
         about = write_bundle(self.folder, self.out, self.title, self.logs, self.salt)
-        with opened(self.out, self.salt) as bundle:
-            rows, size_mb = len(bundle.flights), self.out.stat().st_size / 1e6
+        try:
+            with opened(self.out, self.salt) as bundle:
+                rows, size_mb = len(bundle.flights), self.out.stat().st_size / 1e6
+        except DataError:  # nobody could check it
+            self.out.unlink()
+            raise
         suite = about["suite"] or "no suite"
         code = f", code {', '.join(about['own_code'].values())}" if about["own_code"] else ""
         print(f"{self.out}: {suite}, {len(about['summary'])} cells, {rows} flights{code}, {size_mb:.1f} MB")

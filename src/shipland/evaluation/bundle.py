@@ -29,7 +29,7 @@ from shipland.evaluation.folder import rows_in
 from shipland.evaluation.landing import COLUMNS, Landing, as_text, row_of
 from shipland.evaluation.suite import Cell, Overrides, cells_of, load_suite, salt_digest, sealed_seeds, task_digest
 from shipland.evaluation.tally import Tally
-from shipland.files import json_bytes, json_of, read_text, replacing
+from shipland.files import json_bytes, json_of, read_text, replacing, writing
 from shipland.record.info import config_digest, file_digest
 from shipland.record.reader import read_log
 from shipland.scenario.scenario import load_scenario
@@ -38,7 +38,7 @@ FORMAT = 1
 _MOST_BYTES = 4 << 30
 """Of what a bundle holds, unpacked."""
 _UNREADABLE = (
-    *(OSError, EOFError, zipfile.BadZipFile, zlib.error, RuntimeError),
+    *(EOFError, zipfile.BadZipFile, zlib.error, RuntimeError),
     *(LookupError, TypeError, ValueError, AttributeError, OverflowError),
 )
 """What reading a zip, or a table of another shape than expected, raises; RuntimeError of an encrypted zip."""
@@ -118,7 +118,7 @@ def write_bundle(folder: Path, out: Path, title: str, logs: int, salt: Path | No
         "files": {name: sha256(data).hexdigest() for name, data in files.items()},
     }
     _check_seeds(cells, len(cells[0].landings), salt, about["salt"])
-    with replacing(out) as beside, zipfile.ZipFile(beside, "w") as packed:
+    with writing(out), replacing(out) as beside, zipfile.ZipFile(beside, "w") as packed:
         for name, data in {"bundle.json": json_bytes(about), **files}.items():
             # of no date: the same rows, the same zip
             packed.writestr(zipfile.ZipInfo(name), data, zipfile.ZIP_DEFLATED)
@@ -149,6 +149,8 @@ def opened(path: Path, salt: Path | None = None) -> Iterator[Bundle]:
     with tempfile.TemporaryDirectory() as temporary:
         try:
             bundle = _checked(path, Path(temporary), salt)
+        except OSError as error:
+            raise DataError(f"{path} cannot be unpacked: {error.strerror or error}") from None
         except _UNREADABLE as error:
             raise DataError(f"{path} is no bundle of `shipland submit`: {type(error).__name__}: {error}") from None
         yield bundle
