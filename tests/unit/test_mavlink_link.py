@@ -139,6 +139,15 @@ def test_a_gimbals_clock_is_its_own_and_the_first_gimbal_is_followed() -> None:
     assert made.state.gimbal_t_s == pytest.approx(101.0)
 
 
+@pytest.mark.parametrize("value", [0.0, math.nan, 7.0])
+def test_a_mount_whose_quaternion_is_none_does_not_look_level(value: float) -> None:
+    made = heard_session()
+    unknown = m.MAVLink_gimbal_device_attitude_status_message(0, 0, 2_000, 0, [value] * 4, 0, 0, 0, 0)
+    feed(made, unknown, 100.1, component=154)
+    assert made.mounts == []
+    assert math.isnan(made.state.gimbal_t_s)
+
+
 def test_answers_to_another_ground_station_are_not_ours() -> None:
     made = heard_session()
     feed(made, m.MAVLink_command_ack_message(400, 0, 0, 0, 255, 190), 100.1)

@@ -276,7 +276,8 @@ def _gimbal(state: AutopilotState, it: Message, received_s: float) -> AutopilotS
     if speaker[0] not in _GIMBALS or state.gimbal not in (None, speaker):
         return state
     w, x, y, z = it.q
-    _finite(w, x, y, z, bound=2.0)
+    if not 0.9 < math.hypot(w, x, y, z) < 1.1:  # of zeros, an attitude that is not known
+        raise ValueError(str(it.q))
     clock, sent_s = state.gimbal_clock.at(it.time_boot_ms, received_s)
     roll_rad, pitch_rad, _ = euler_from_quaternion((w, x, y, z))
     return replace(
