@@ -295,6 +295,8 @@ def test_a_pilot_at_the_sticks_is_not_left_in_our_mode_where_modes_are_refused(d
         assert not fly(vehicle, 3.0, 10.0, 0.0, 0.0, 0.0)
         vehicle.close()
         assert autopilot.report()["mode"] == mode
+        modes = [str(int(command[2])) for command in commands(autopilot, dialect.MAV_CMD_DO_SET_MODE)]
+        assert [modes.count(refused) for refused in denied.split()] == [1] * len(denied.split())  # the next one at once
 
 
 def test_a_vehicle_that_obeys_no_sticks_holds_when_they_are_moved() -> None:

@@ -44,10 +44,10 @@ _HISTORY = 512
 """Attitudes that are kept: ten seconds."""
 _COUNTED = ("HEARTBEAT", "LOCAL_POSITION_NED", "VFR_HUD", "RC_CHANNELS")
 """The autopilot's messages whose receipts are kept: by them a takeover and a touchdown are seen."""
-_PATIENT_HAND_OVERS = 3
+PATIENT_HAND_OVERS = 3
 """Requests for a mode that keeps the place, for a pilot at the sticks, before one that keeps the height, and as many
 for that before one that holds by itself."""
-HAND_OVERS = 2 * _PATIENT_HAND_OVERS + 1
+HAND_OVERS = 2 * PATIENT_HAND_OVERS + 1
 """Requests until each of these modes was asked for."""
 _MULTICOPTERS = {2, 3, 4, 13, 14, 15, 29, 35, 43}
 """MAV_TYPE; a mode's number means something else on an ArduPilot of another kind."""
@@ -268,7 +268,7 @@ class Session:
                 the height is kept; a vehicle that obeys no sticks refuses both, and is to hold.
         """
         modes = modes_of(self.state)
-        mode = (modes.stick_place, modes.stick_height, modes.hold)[min(attempt // _PATIENT_HAND_OVERS, 2)]
+        mode = (modes.stick_place, modes.stick_height, modes.hold)[min(attempt // PATIENT_HAND_OVERS, 2)]
         # over a link that lags too: in ours the sticks are dead
         return self._awake(mode_shown) and self._send_command(_SET_MODE, 1, *mode)
 

@@ -33,7 +33,7 @@ from shipland.vehicles.mavlink.parameters import (
     response_within,
 )
 from shipland.vehicles.mavlink.publish import Mounting, tell
-from shipland.vehicles.mavlink.session import HAND_OVERS, Session
+from shipland.vehicles.mavlink.session import HAND_OVERS, PATIENT_HAND_OVERS, Session
 from shipland.vehicles.mavlink.setpoints import AUTOPILOT, attitude_message, velocity_message
 from shipland.vehicles.mavlink.setup import MavlinkSetup, open_session
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
@@ -65,7 +65,7 @@ class MavlinkVehicle(SetpointVehicle):
         self._session: Session | None = None
         self._control = Control(self._parameters.stick_takeover_us, self._parameters.kind == "velocity")
         self._opening = self._lands = False
-        self._hand_overs, self._handed_s = 0, -math.inf
+        self._hand_overs, self._handed_s, self._handed_answers = 0, -math.inf, 0
         self._beat_s = self._asked_s = self._asked_heartbeat_s = -math.inf
         self._response: Response | None = None
         self._limits: VehicleLimits | None = None
@@ -269,8 +269,13 @@ class MavlinkVehicle(SetpointVehicle):
         """Ask for a mode that obeys the pilot's sticks, until it has one; what is chosen after that is left alone."""
         if not (obeys_us(state) or self._control.lands(state)):
             self._control.by_sticks = False
-        elif now_s - self._handed_s > _HAND_OVER_S and self.session.hand_over(self._hand_overs):
-            self._handed_s, self._hand_overs = now_s, self._hand_overs + 1
+            return
+        attempt, asked = self._hand_overs, dialect.MAV_CMD_DO_SET_MODE
+        if 0 < attempt < HAND_OVERS and state.denied(asked, self._handed_answers):
+            attempt += -attempt % PATIENT_HAND_OVERS  # the next mode, without waiting
+        due = attempt > self._hand_overs or now_s - self._handed_s > _HAND_OVER_S
+        if due and self.session.hand_over(attempt):
+            self._handed_s, self._hand_overs, self._handed_answers = now_s, attempt + 1, state.answers(asked)
 
     def _may_command(self, state: AutopilotState) -> bool:
         """Whether set-points may leave: control is ours now.
