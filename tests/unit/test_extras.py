@@ -7,8 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from shipland.commands.publish import Publish
 from shipland.errors import ConfigError, SystemLibraryError
 from shipland.extras import EXTRAS, extra_of, installed, require
+from shipland.vehicles.ros2.vehicle import Ros2Vehicle
+from shipland.vision.near.files import default_camera
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -57,6 +60,24 @@ def test_one_that_is_missing_is_named(monkeypatch):
 def test_a_submodule_is_of_its_extra():
     assert extra_of("matplotlib.backends.backend_pdf") == "plots"
     assert extra_of("numpy") is None
+
+
+def test_ros2_is_told_without_mavlink(monkeypatch, capsys):
+    class Ended(Ros2Vehicle):
+        camera = default_camera()
+
+        def __init__(self):
+            pass
+
+        def connect(self, *_):
+            return None
+
+        look = inform_of = close = connect
+
+    monkeypatch.setitem(sys.modules, "shipland.vehicles.mavlink.vehicle", None)
+    monkeypatch.setattr("shipland.scenario.real_vehicle.make_vehicle", lambda *_: Ended())
+    assert Publish(vehicle="ros2://drone").run() == 0
+    assert capsys.readouterr().out == "0 poses published; the camera has ended\n"
 
 
 @pytest.mark.slow

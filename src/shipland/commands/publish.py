@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from shipland.commands.options import ScenarioOptions
 
@@ -40,13 +40,13 @@ class Publish(ScenarioOptions):
         """Publish until the camera ends or Ctrl-C."""
         from shipland.errors import ConfigError
         from shipland.scenario.real_vehicle import make_vehicle
-        from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
-        from shipland.vehicles.ros2.vehicle import Ros2Vehicle
+        from shipland.vehicles.setpoint_vehicle import SetpointVehicle
 
         scenario = self.load()
-        vehicle = make_vehicle(self.vehicle, scenario, self.calibration, self.vehicle_config)
-        if not isinstance(vehicle, MavlinkVehicle | Ros2Vehicle):
+        made = make_vehicle(self.vehicle, scenario, self.calibration, self.vehicle_config)
+        if not isinstance(made, SetpointVehicle):  # of either's own class the other's extra may be missing
             raise ConfigError(f"--vehicle {self.vehicle}: only mavlink:// and ros2:// vehicles take these messages")
+        vehicle = cast("MavlinkVehicle | Ros2Vehicle", made)
         print(f"connecting to {self.vehicle}", file=sys.stderr, flush=True)
         vehicle.connect()
         try:
