@@ -19,13 +19,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shipland.compiled import compiled
-from shipland.frames import Array, quaternion_from_euler
+from shipland.frames import Array, quaternion_from_euler, rows_from_euler, rows_from_quaternion
 from shipland.rig import Rig, Solid, layout
 from shipland.sim.aircraft.parameters import Shape, Vector
 from shipland.sim.aircraft.record import Record, RigidBodyState, at
-from shipland.sim.rotations import quaternion_of_euler, rows_of_euler, rows_of_quaternion
 from shipland.sim.ship.ship import ShipState
 from shipland.sim.touchdown import Contacts, OnDeck
+
+quaternion_of_euler = compiled(quaternion_from_euler)
+rows_of_euler = compiled(rows_from_euler)
+rows_of_quaternion = compiled(rows_from_quaternion)
 
 if TYPE_CHECKING:
     import mujoco

@@ -13,12 +13,15 @@ import numpy as np
 
 from shipland.camera import Camera, CameraParameters, level_from_camera
 from shipland.compiled import compiled
-from shipland.frames import Array, Pose, Quaternion, euler_from_quaternion
+from shipland.frames import Array, Pose, Quaternion, euler_from_quaternion, rows_from_euler, rows_from_quaternion
 from shipland.messages import GimbalAttitude, GroundTruth
 from shipland.rig import Rig
 from shipland.sim.aircraft.parameters import Vector
-from shipland.sim.rotations import euler_of_quaternion, rows_of_euler, rows_of_quaternion
 from shipland.sim.ship.ship import ShipState
+
+euler_of_quaternion = compiled(euler_from_quaternion)
+rows_of_euler = compiled(rows_from_euler)
+rows_of_quaternion = compiled(rows_from_quaternion)
 
 
 class Snapshot(NamedTuple):

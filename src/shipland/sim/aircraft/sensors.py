@@ -9,12 +9,13 @@ import numpy as np
 
 from shipland.camera import CameraParameters
 from shipland.compiled import compiled
-from shipland.frames import Array, wrap_angle
+from shipland.frames import Array, euler_from_quaternion, wrap_angle
 from shipland.rig import Rig, view_share
 from shipland.sim.aircraft.loops import clip
 from shipland.sim.aircraft.parameters import LoopParameters, SensorParameters, Vector
 from shipland.sim.aircraft.record import Constants, Record, Records, Sensed, State, at
-from shipland.sim.rotations import euler_of_quaternion
+
+euler_of_quaternion = compiled(euler_from_quaternion)
 
 _FAR = 10.0
 """Platform lengths beyond which no part of the ship is in view."""

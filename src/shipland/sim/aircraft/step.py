@@ -11,12 +11,13 @@ import math
 
 from shipland.compiled import compiled
 from shipland.frames import GRAVITY_MPS2 as G
-from shipland.frames import Array, Rows
+from shipland.frames import Array, Rows, rows_from_euler, rows_from_quaternion
 from shipland.sim.aircraft.loops import clip, control, tilt_of
 from shipland.sim.aircraft.parameters import Vector
 from shipland.sim.aircraft.record import Constants, Records, State
 from shipland.sim.aircraft.sensors import sense, step_gimbal
-from shipland.sim.rotations import rows_of_euler, rows_of_quaternion
+
+rows_of_euler, rows_of_quaternion = compiled(rows_from_euler), compiled(rows_from_quaternion)
 
 
 @compiled

@@ -11,9 +11,8 @@ import numpy as np
 
 from shipland.compiled import compiled
 from shipland.config import key, parameters, require
-from shipland.frames import Array, Pose
+from shipland.frames import Array, Pose, rows_from_euler
 from shipland.rig import Rig
-from shipland.sim.rotations import rows_of_euler
 from shipland.sim.ship.course import Course, CourseParameters, CourseState, StillCourse, build_course
 from shipland.sim.ship.deck_motion import (
     DeckMotion,
@@ -28,6 +27,8 @@ from shipland.sim.ship.deck_motion import (
 )
 from shipland.sim.ship.sea import SeaParameters, deck_motion
 from shipland.sim.wind import ShipPlace
+
+rows_of_euler = compiled(rows_from_euler)
 
 __all__ = ["Ship", "ShipParameters", "ShipState", "Still", "StillCourse", "build_ship"]
 
