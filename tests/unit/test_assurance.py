@@ -382,6 +382,70 @@ def test_a_nose_that_turns_away_from_its_stick_is_reversed(turns):
     assert axes.reversed_stick == ("" if turns > 0.0 else "yaw")
 
 
+@pytest.mark.parametrize("rate_hz", [2, 5, 10])
+@pytest.mark.parametrize("after_s", [0.2, 0.4, 0.6])
+def test_one_wrong_answer_just_after_a_stick_has_moved_is_no_reversed_axis(after_s, rate_hz):
+    """A velocity that leaps once, a compass that is reset: the other answers are what the sticks ask for."""
+    axes, climb_mps, heading_rad, told = Axes(ANAFI_LIKE), 0.0, 0.0, Telemetry(0.0, flying=True)
+    for cycle in range(150):
+        t_s = cycle / 30.0
+        percent = 60.0 if t_s >= 3.0 else 0.0
+        sent_s = t_s - ANAFI_LIKE.uplink_s - ANAFI_LIKE.dead_time_s
+        axes.take(PilotCommand(sent_s, 0.0, 0.0, percent, percent, 0.0), told)
+        climb_mps += (0.01 * percent * ANAFI_LIKE.max_climb_mps - climb_mps) / 30.0 / ANAFI_LIKE.climb_lag_s
+        heading_rad += 0.01 * percent * ANAFI_LIKE.max_turn_rad_s / 30.0
+        if cycle % (30 // rate_hz) == 0:
+            leaps = 3.0 + after_s <= t_s < 3.0 + after_s + 1.0 / rate_hz
+            reset_rad = 1.5 if t_s >= 3.0 + after_s else 0.0
+            told = Telemetry(t_s, 0.0, 0.0, wrap_angle(heading_rad - reset_rad), 5.0,
+                             np.array([0.0, 0.0, 4.0 if leaps else -climb_mps]), flying=True, attitude_t_s=t_s,
+                             velocity_t_s=t_s, heading_t_s=t_s)  # fmt: skip
+        assert not axes.reversed_stick
+
+
+def test_a_stick_of_a_hold_asks_for_nothing():
+    """The vehicle brakes and keeps its place, whatever the stick says meanwhile."""
+    axes = Axes(TILTS)
+    for cycle in range(60):
+        t_s = cycle / 30.0
+        axes.take(
+            PilotCommand(t_s, 60.0, 0.0, 0.0, 0.0, 0.0, Intent.HOLD),
+            Telemetry(t_s, 0.0, 0.5 * TILTS.max_tilt_rad, flying=True),
+        )
+        assert not axes.reversed_stick
+
+
+def test_a_stick_that_is_found_reversed_again_after_a_release_is_let_go_for_good():
+    """Each try with a reversed heave costs height: two of them are enough, but a person may give a third."""
+    flight = Flight((-12.0, 0.0, -6.0))
+    flight.reversed = "heave_percent"
+    flight.fly(1.5, {"heave_percent": 50.0})
+    assert flight.said.endswith("release")
+    flight.fly(2.0 * REFUSED_S, {"heave_percent": 50.0})
+    height_m = -flight.place_m[2]
+    flight.fly(5.0 * REFUSED_S, {"heave_percent": 50.0})
+    assert flight.decisions[-1].reason.endswith("release")
+    assert -flight.place_m[2] == pytest.approx(height_m, abs=0.05)
+    flight.override = Override.HOLD
+    flight.fly(STEP_S, {})
+    flight.override, flight.reversed = None, ""
+    flight.fly(5.0, {"heave_percent": 50.0})
+    assert flight.decisions[-1].reason == "asked"
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_a_deck_that_carries_and_tilts_a_landed_aircraft_reverses_no_stick(stands):
+    """Motors still run: the deck heaves up at 0.5 m/s and leans 8 deg against descent and roll sticks."""
+    axes, found = Axes(ANAFI_LIKE), set()
+    for cycle in range(90):
+        t_s = cycle / 30.0
+        told = Telemetry(t_s, -math.radians(8.0), 0.0, 0.0, 0.5, np.array([0.0, 0.0, -0.5]), flying=True)
+        command = PilotCommand(t_s, 0.0, 40.0, -50.0, 0.0, 0.0, Intent.LAND, at_contact_height=stands)
+        axes.take(command, told)
+        found.add(axes.reversed_stick)
+    assert found == ({""} if stands else {"", "roll"})
+
+
 @pytest.mark.parametrize("over_deck_m", [1.2, 0.3])
 def test_a_ship_that_waves_off_is_obeyed_at_any_height_and_flown_near_meanwhile(over_deck_m):
     flight = Flight(over_deck(over_deck_m)).fly(1.0, {})

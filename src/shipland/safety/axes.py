@@ -2,7 +2,8 @@
 
 Stick and answer are shares of the full ones, compared at the time at which the answer was true. The share that a stick
 asks for follows it as the vehicle's response says. A gust moves the aircraft against its sticks for a moment; an axis
-that is reversed does so while both are large, and more and more as whoever flies asks for more.
+that is reversed does so while both are large, and more and more as whoever flies asks for more. An aircraft that
+lands and is low enough to touch is not judged: a deck carries and tilts it, whatever the sticks ask for.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import NamedTuple
 
 from shipland.frames import wrap_angle
 from shipland.guidance.response import Response
-from shipland.messages import PilotCommand, Telemetry
+from shipland.messages import Intent, PilotCommand, Telemetry
 
 STICKS = ("pitch", "roll", "heave", "yaw")
 _MEMORY_S, _LEAST_KEPT = 0.7, 0.7
@@ -22,6 +23,8 @@ _LEAST_S, _MOST_STEP_S = 0.45, 0.2
 """Of answers, before they are judged, each for no more than this: three at 5 Hz."""
 _LEAST_ASKED, _LEAST_ANSWER = 0.2, 0.15
 """Root-mean-square shares below which nothing is judged."""
+_MOST_ANSWER = 3.0
+"""Share of the full answer beyond which it is a leap of the vehicle's estimate, as of a compass that is reset."""
 _OPPOSITE = -0.8
 """Correlation of stick and answer that none but a reversed axis has."""
 _TILTED = 0.5
@@ -57,11 +60,15 @@ class _Products(NamedTuple):
 
 
 class _Asked(NamedTuple):
-    """Of every stick, from a command's effect on: the share that the vehicle has by then, and the one it goes to."""
+    """Of every stick, from a command's effect on: the share that the vehicle has by then, and the one it goes to.
+
+    `free`: no deck can carry it, for it does not land or is not low enough to touch.
+    """
 
     from_s: float
     shares: tuple[float, ...]
     towards: tuple[float, ...]
+    free: bool = True
 
     def at(self, t_s: float, lags_s: tuple[float, ...]) -> tuple[float, ...]:
         """The shares that the vehicle has at a later time."""
@@ -95,8 +102,11 @@ class Axes:
     def take(self, sent: PilotCommand | None, telemetry: Telemetry) -> None:
         """The command of the cycle before, and what the vehicle tells since."""
         if sent is not None and sent.t_s + self._dead_s > self._asked[-1].from_s:
-            from_s, shares = sent.t_s + self._dead_s, tuple(0.01 * stick for stick in sent.sticks_percent)
-            self._asked.append(_Asked(from_s, self._asked[-1].at(from_s, self._lags_s), shares))
+            from_s, before = sent.t_s + self._dead_s, self._asked[-1]
+            holds, lands = sent.intent is Intent.HOLD, sent.intent is Intent.LAND
+            shares = _STILL if holds else tuple(0.01 * stick for stick in sent.sticks_percent)
+            free = not (lands and sent.at_contact_height)
+            self._asked.append(_Asked(from_s, before.at(from_s, self._lags_s), shares, free))
         told = telemetry
         attitude_s, velocity_s = _or_receipt(told.attitude_t_s, told), _or_receipt(told.velocity_t_s, told)
         tilts: tuple[float | None, ...] = (None, None)
@@ -127,11 +137,11 @@ class Axes:
     ) -> None:
         """A stick's answer, as a share of the full one; it is that of `back_s` earlier."""
         step_s = t_s - self._told_s[index]
-        if answer is None or not math.isfinite(answer) or step_s <= 0.0:
+        if answer is None or not abs(answer) <= _MOST_ANSWER or step_s <= 0.0:
             return
         self._told_s[index] = t_s
         asked = next((it for it in reversed(self._asked) if it.from_s <= t_s - back_s), None)
-        if not flying or step_s > _LONGEST_STEP_S or asked is None:
+        if asked is None or not (flying and asked.free) or step_s > _LONGEST_STEP_S:
             self._products[index] = _Products()
             return
         share = asked.at(t_s - back_s, self._lags_s)[index]

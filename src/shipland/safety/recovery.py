@@ -205,11 +205,13 @@ class Switch:
         recovery: that is flown; None while the pilot flies.
         tries: landings broken off so far.
         found_s: when something was found last.
+        releases: so far; the second is for good, for every try with a reversed heave costs height.
     """
 
     recovery: Recovery | None = None
     tries: int = 0
     found_s: float = -math.inf
+    releases: int = 0
 
 
 def next_switch(before: Switch, look: Look, found: Sequence[Finding], parameters: RecoveryParameters) -> Switch:
@@ -225,7 +227,8 @@ def next_switch(before: Switch, look: Look, found: Sequence[Finding], parameters
         before = replace(before, found_s=look.t_s)
     released = before.recovery is not None and before.recovery.rung is Rung.RELEASE
     if found and found[0].action is Action.RELEASE and not released:
-        return replace(before, recovery=Recovery(Rung.RELEASE, look.t_s, found[0].words, REFUSED_S))
+        recovery = Recovery(Rung.RELEASE, look.t_s, found[0].words, math.inf if before.releases else REFUSED_S)
+        return replace(before, recovery=recovery, releases=before.releases + 1)
     if before.recovery is not None:
         return _recovering(before, before.recovery, look, found, parameters)
     if not found or not look.telemetry.flying:
