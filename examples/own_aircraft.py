@@ -1,7 +1,8 @@
 """Another airframe and inner loop: the packaged 25 kg `octo25`, flown by tilts, that answers a little stick softly.
 
-Flown by name, from this folder: `shipland fly near --set aircraft.kind=own_aircraft:octocopter`. To fly `octo25` as it
-is, a scenario says `parts = ["octo25"]`.
+shipland fly --vision geometric --set aircraft.kind=own_aircraft:octocopter        # in this folder
+
+To fly `octo25` as it is, a scenario says `parts = ["octo25"]`.
 """
 
 from dataclasses import replace

@@ -17,7 +17,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from shipland.errors import ConfigError
+from shipland.errors import ConfigError, ShiplandError
 
 Factory = Callable[..., Any]
 
@@ -109,6 +109,8 @@ def _load(group: str, path: str) -> Factory:
         if error.name is None or not f"{module_name}.".startswith(f"{error.name}."):
             raise ConfigError(f"{path}, of the {group}, cannot be imported: {error}") from error
         raise ConfigError(f"{path}, of the {group}: no module {module_name!r} here or among the installed") from None
+    except ShiplandError:  # an extra that is missing; the error says which
+        raise
     except Exception as error:
         raise ConfigError(f"{path}, of the {group}, cannot be imported: {type(error).__name__}: {error}") from error
     for part in attribute.split("."):

@@ -158,6 +158,15 @@ def test_the_coverage_picture_overwrites_neither_a_picture_nor_the_calibration(n
     assert (tmp_path / "0.png").read_bytes() == before
 
 
+def test_the_calibration_overwrites_no_picture(tmp_path):
+    write_views(tmp_path)
+    picture = (tmp_path / "0.png").rename(tmp_path / "0.jpg")
+    before = picture.read_bytes()
+    with pytest.raises(DataError, match="would overwrite"):
+        calibrate((tmp_path,), Board("9x6", SQUARE_M), picture)
+    assert picture.read_bytes() == before
+
+
 def test_a_broken_picture_hides_no_advice(tmp_path):
     (tmp_path / "0.png").write_bytes(b"")
     for number, view in enumerate(VIEWS[:2], 1):

@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from shipland import factories
-from shipland.errors import ConfigError
+from shipland.errors import ConfigError, ShiplandError
 
 
 @pytest.mark.parametrize("group", list(factories.PACKAGED))
@@ -44,6 +44,14 @@ def test_a_wrong_name_says_what_there_is(name, words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ConfigError, match=words):
         factories.resolve("pilots", name)
+
+
+def test_an_extra_that_a_module_wants_is_named_without_the_module(tmp_path, monkeypatch):
+    wants = "from shipland.extras import require\nrequire('cluster', 'nimbus', module='not_installed_here')\n"
+    (tmp_path / "shipland_test_extra.py").write_text(wants)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ShiplandError, match=r"^nimbus needs not_installed_here; install it with"):
+        factories.resolve("pilots", "shipland_test_extra:pilot")
 
 
 def test_entry_points_of_installed_packages_count(tmp_path, monkeypatch):

@@ -155,10 +155,12 @@ def test_wrong_arguments_are_one_line(tmp_path, wrong):
         asked(tmp_path, **wrong)
 
 
-def test_without_the_extra_one_line_says_what_to_install(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "onnx", None)
-    monkeypatch.delitem(sys.modules, "shipland.learning.policy.train", raising=False)
-    with pytest.raises(DataError, match=r"needs onnx; install it with: pip install 'shipland\[learn\]'"):
+@pytest.mark.parametrize("missing", ["onnx", "gymnasium"])
+def test_without_the_extra_one_line_says_what_to_install(missing, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, missing, None)
+    for loaded in [name for name in sys.modules if name.startswith(("shipland.learning.", "shipland.environments"))]:
+        monkeypatch.delitem(sys.modules, loaded)
+    with pytest.raises(DataError, match=rf"needs {missing}; install it with: pip install 'shipland\[learn\]'"):
         Learn(out=tmp_path).run()
 
 

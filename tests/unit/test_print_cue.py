@@ -139,6 +139,11 @@ def test_wrong_input_is_one_line(tmp_path):
         chessboard_drawing("9", 0.025)
     with pytest.raises(ConfigError, match=r"expected 0\.001 to 1 m"):
         chessboard_drawing("9x6", 25.0)
+    cue = tmp_path / "bar.toml"
+    cue.write_text("[rig]\n")
+    with pytest.raises(ConfigError, match=r"bar\.toml is read here: name another file"):
+        PrintCue(cue, out=cue).run()
+    assert cue.read_text() == "[rig]\n"
     (tmp_path / "file").write_text("")
     with pytest.raises(DataError, match="cannot be written"):
         PrintCue(out=tmp_path / "file" / "cue.pdf").run()

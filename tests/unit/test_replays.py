@@ -1,6 +1,7 @@
 """Vision and pilot over a recording again: the same give the same, others differ and it is said by how much."""
 
 import json
+import math
 import sys
 from contextlib import nullcontext
 from dataclasses import replace
@@ -58,7 +59,7 @@ def test_a_vision_that_wants_pictures_says_that_there_are_none(log):
 def test_a_recording_is_not_written_over(log):
     before = log.read_bytes()
     for option in ("out", "viewer_file"):
-        with pytest.raises(ConfigError, match=r"flight\.mcap is what is replayed: name another file"):
+        with pytest.raises(ConfigError, match=r"flight\.mcap is read here: name another file"):
             Replay(recording=log, **{option: log}).run()
     assert log.read_bytes() == before
 
@@ -73,6 +74,11 @@ def test_a_film_is_seen_and_decided_on(tmp_path):
     assert len(rows) == 5
     assert rows[0].frame.image is not None
     assert replayed[0].after.frame.image is None  # a film is not kept in memory
+
+
+def test_a_pitch_that_is_no_number_is_one_line(tmp_path):
+    with pytest.raises(ConfigError, match=r"^--pitch-deg must be -90 to 90, got nan$"):
+        Replay(recording=tmp_path / "film.mp4", pitch_deg=math.nan).run()
 
 
 @pytest.mark.parametrize(("size", "words"), [((640, 360), ""), ((640, 480), "give its own with --calibration")])

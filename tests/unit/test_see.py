@@ -2,7 +2,9 @@
 
 import csv
 import json
+import math
 import struct
+import sys
 from fractions import Fraction
 from pathlib import Path
 
@@ -13,6 +15,7 @@ from PIL import Image
 
 import shipland
 from pictures import Look, bar_picture, camera_from_bar, write_film
+from shipland import compiled
 from shipland.camera import Camera
 from shipland.commands.see import See
 from shipland.cue import Cue
@@ -424,6 +427,54 @@ def test_photographs_of_cyan_tape_are_refused(taped, feet):
     result = taped(f"peg_1ftH{feet}ftD0.jpg", "peg2017", "lifecam_640x480")
     assert not result.found
     assert result.observation.reason
+
+
+def test_it_says_that_it_compiles_once_there_is_a_picture(tmp_path, bar_image, monkeypatch, caplog):
+    monkeypatch.setattr(compiled, "cache_folder", lambda _: tmp_path)
+    monkeypatch.setattr(compiled._SETTINGS, "DISABLE_JIT", 0)
+    assert See((tmp_path / "missing.png",)).run() == 2
+    assert caplog.messages == []
+    assert See((write(tmp_path / "bar.png", bar_image),)).run() == 0
+    assert caplog.messages == ["compiling for this processor, once; takes about a minute"]
+
+
+def test_a_film_that_is_missing_is_named_before_the_extra_that_reads_it(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "av", None)
+    assert See((tmp_path / "missing.mp4",)).run() == 2
+    assert "missing.mp4 does not exist" in capsys.readouterr().err
+
+
+def test_a_table_of_before_stays_where_nothing_can_be_looked_at(tmp_path):
+    table = tmp_path / "poses.csv"
+    table.write_text("of before")
+    assert See((tmp_path / "missing.png",), csv=table).run() == 2
+    assert table.read_text() == "of before"
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"attitude_std_deg": -1.0},
+        {"attitude_std_deg": math.nan},
+        {"mount_pitch_deg": math.nan},
+        {"attitude_start_s": math.inf},
+        {"attitude_start_s": 1.7e15},  # microseconds
+    ],
+)
+def test_numbers_of_the_attitude_outside_their_ranges_are_one_line(wrong, tmp_path):
+    option = f"--{next(iter(wrong)).replace('_', '-')}"
+    with pytest.raises(ConfigError, match=rf"^{option} must be .*, got \S+$"):
+        See((tmp_path / "film.mp4",), **wrong).run()
+
+
+@pytest.mark.parametrize("option", ["cue", "calibration", "attitude", "paths"])
+def test_the_table_is_written_over_nothing_that_is_read(option, tmp_path):
+    read = tmp_path / "read"
+    read.write_text("t_s")
+    given = {"paths": (tmp_path / "film.mp4",)} | {option: (read,) if option == "paths" else read}
+    with pytest.raises(ConfigError, match="read is read here: name another file"):
+        See(**given, csv=tmp_path / "read").run()
+    assert read.read_text() == "t_s"
 
 
 def test_what_cannot_be_looked_at_does_not_end_the_rest(tmp_path, bar_image, capsys):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from shipland.commands.options import refuse_written_over
 from shipland.commands.pictures import PictureOptions, Results
 
 
@@ -13,7 +14,7 @@ from shipland.commands.pictures import PictureOptions, Results
 class Detect(PictureOptions):
     """Look for the ship or the bar with a learned detector in pictures, videos or a flight log.
 
-    One JSON line a picture: file, t_s (time in its video), boxes: [{x, y, w, h, confidence}] in pixels, x and y
+    With --json, a line a picture: file, t_s (time in its video), boxes: [{x, y, w, h, confidence}] in pixels, x and y
     the left and top edge.
     Any detector's file will do whose outputs are laid out as YOLOX's, RT-DETR's or YOLOv8's.
     What cannot be read is named on standard error and the rest is looked at; the exit code is then 1, and 2 when
@@ -43,6 +44,7 @@ class Detect(PictureOptions):
         from shipland.vision.far.files import COLUMNS, detect_paths
         from shipland.vision.parameters import detector_parameters
 
+        refuse_written_over([self.csv], [*self.paths, self.config])
         settings = detector_parameters(self.config)
         detector = Detector.load(self.weights or self.kind, settings, self.classes)
         confidence = settings.acquire_confidence if self.confidence is None else self.confidence

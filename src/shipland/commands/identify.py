@@ -8,7 +8,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from shipland.commands.options import Log
+from shipland.commands.options import Log, refuse_written_over
 from shipland.errors import ConfigError
 
 
@@ -32,6 +32,7 @@ class Identify:
         """Identify, print the table, write the file."""
         if not 0.0 <= self.uplink_s < math.inf:
             raise ConfigError(f"--uplink-s must be 0 or more, got {self.uplink_s:g}")
+        refuse_written_over([self.out], [self.log])
         from shipland.estimation.identify import identify
         from shipland.files import writing
         from shipland.record.reader import read_log

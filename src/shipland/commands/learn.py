@@ -26,10 +26,11 @@ class Learn(LearnArguments):
     def run(self) -> int:
         """Train and export."""
         try:
-            from shipland.environments.last_phase import last_phases
             from shipland.learning.policy.train import learn
         except ModuleNotFoundError as error:
             raise DataError(f"training needs {error.name}; install it with: pip install 'shipland[learn]'") from None
+        from shipland.environments.last_phase import last_phases
+
         scenarios = names_of("scenario", self.scenario)
         count = self.environments or len(scenarios)
         print(learn(self, last_phases(scenarios, self.changes, self.kind, self.bound, count)))

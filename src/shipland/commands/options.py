@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
@@ -98,6 +98,14 @@ def ship_and_camera_of(scenario: str | None) -> ShipAndCamera:
     return ShipAndCamera(found.name, found.rig, found.camera)
 
 
+def refuse_written_over(written: Iterable[Path | None], read: Iterable[Path | None]) -> None:
+    """ConfigError where a file that is to be written is one of those that are read."""
+    inputs = {path.resolve() for path in read if path is not None}
+    for path in written:
+        if path is not None and path.resolve() in inputs:
+            raise ConfigError(f"{path} is read here: name another file to write")
+
+
 def require_record(flight: Flight) -> None:
     """DataError where an output of the flight failed."""
     if flight.problems:
@@ -120,6 +128,12 @@ def names_of(option: str, text: str) -> tuple[str, ...]:
     if len(set(names)) < len(names) or not all(names):
         raise ConfigError(f"--{option} {text}: expected different names, separated by commas")
     return names
+
+
+def check_between(option: str, value: float | None, low: float, high: float) -> None:
+    """ConfigError, by its option, for a number that is given and lies outside of a range, or is NaN."""
+    if value is not None and not low <= value <= high:
+        raise ConfigError(f"{option} must be {low:g} to {high:g}, got {value:g}")
 
 
 def check_ports(**ports: int | None) -> None:

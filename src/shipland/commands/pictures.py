@@ -54,6 +54,10 @@ class Results:
         self._looked_at = self._found = self._failed = 0
 
     def __enter__(self) -> Results:
+        return self
+
+    def _open(self) -> None:
+        """Make the files; those of before stay where nothing can be looked at."""
         from shipland.report.drawings import Drawings
 
         if self._options.csv is not None:
@@ -64,7 +68,6 @@ class Results:
             self._table.writeheader()
         if self._options.out is not None:
             self._drawings = self._stack.enter_context(Drawings(self._options.out))
-        return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self._stack.close()
@@ -85,6 +88,8 @@ class Results:
 
     def add(self, result: SeeResult | DetectResult) -> None:
         """Print, tabulate and draw one."""
+        if not self._looked_at:
+            self._open()
         self._looked_at += 1
         self._found += result.found
         print(json.dumps(result.to_json()) if self._options.json else result.to_line(), flush=True)

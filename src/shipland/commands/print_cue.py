@@ -9,6 +9,7 @@ from typing import Annotated
 
 import tyro
 
+from shipland.commands.options import refuse_written_over
 from shipland.extras import require
 
 
@@ -44,6 +45,7 @@ class PrintCue:
         from shipland.report.print_sheets import chessboard_drawing, cue_drawing, print_sheets, words_of
         from shipland.scenario.scenario import load_scenario
 
+        refuse_written_over([self.out], [self.cue])
         if self.board and self.cue is not None:
             raise ConfigError("give either a cue or --board")
         if self.board:

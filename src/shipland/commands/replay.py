@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from shipland.commands.options import ScenarioOptions, command_line
+from shipland.commands.options import ScenarioOptions, check_between, command_line, refuse_written_over
 
 if TYPE_CHECKING:
     from shipland.evaluation.replays import Pair, Recording
@@ -47,13 +47,11 @@ class Replay(ScenarioOptions):
 
     def run(self) -> int:
         """Replay and print what differs; 1 where the log breaks off."""
-        from shipland.errors import ConfigError
         from shipland.evaluation.replays import differences
 
         written = [path for path in (self.out, self.viewer_file) if path is not None]
-        for path in written:
-            if path.resolve() == self.recording.resolve():
-                raise ConfigError(f"{path} is what is replayed: name another file to write")
+        refuse_written_over(written, [self.recording, self.calibration, self.config])
+        check_between("--pitch-deg", self.pitch_deg, -90.0, 90.0)
         recording = self._recording()
         for line in differences(self._replayed(recording)):
             print(line)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from shipland.commands.options import check_between, refuse_written_over
 from shipland.commands.pictures import PictureOptions, Results
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 class See(PictureOptions):
     """Find the cue in pictures, videos or a flight log with the same near vision that flies.
 
-    One JSON line a picture: file, t_s (time in its video), found, reason, distance_m, position_in_bar_m, yaw_deg,
+    With --json, a line a picture: file, t_s (time in its video), found, reason, distance_m, position_in_bar_m, yaw_deg,
     covariance (4 × 4 of forward, right, down [m] and yaw [rad]), reprojection_px, corners_px, waves_off (a red
     status light).
     What cannot be read, or breaks off, is named on standard error and the rest is looked at; the exit code is then 1,
@@ -57,7 +58,6 @@ class See(PictureOptions):
 
     def run(self) -> int:
         """Look at every picture and say what is in it."""
-        from shipland.compiled import say_that_it_compiles
         from shipland.errors import DataError
         from shipland.record.reader import read_log
         from shipland.report.drawings import draw_observation
@@ -65,11 +65,14 @@ class See(PictureOptions):
         from shipland.vision.near.files import COLUMNS, see_paths
         from shipland.vision.pictures import is_film, is_log
 
+        refuse_written_over([self.csv], [*self.paths, self.cue, self.config, self.calibration, self.attitude])
+        check_between("--attitude-start-s", self.attitude_start_s, -1e10, 1e10)
+        check_between("--attitude-std-deg", self.attitude_std_deg, 0.01, 10.0)
+        check_between("--mount-pitch-deg", self.mount_pitch_deg, -90.0, 90.0)
         scenario = load_scenario(self.config or {})
         logs = {path: read_log(path) for path in self.paths if is_log(path)}
         cue, (camera, whose) = self._cue(scenario.rig.cue, logs), self._camera(scenario.camera, logs)
         attitudes, known = self._attitudes(logs), dict[Path, list[bool]]()
-        say_that_it_compiles()
         with Results(self, COLUMNS, lambda it: draw_observation(it.picture.image, it.observation)) as results:
             found = see_paths(self.paths, cue, camera, results.broken, scenario.vision, attitudes.get)
             for number, result in enumerate(found):

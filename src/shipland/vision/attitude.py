@@ -64,6 +64,8 @@ class AttitudeTrack:
     @property
     def words(self) -> str:
         """Source and span."""
+        if len(self.t_s) == 1:
+            return f"{self.source}, one reading"
         return f"{self.source}, {len(self.t_s)} readings from {self.t_s[0]:.2f} to {self.t_s[-1]:.2f} s"
 
     def from_clock(self, start_s: float) -> AttitudeTrack:

@@ -185,8 +185,9 @@ def calibrate(paths: Sequence[Path], board: Board, out: Path) -> Calibration:
         if item.count and item.size != size:
             item.left_out = f"{item.size[0]} × {item.size[1]} px, most are {size[0]} × {size[1]} px"
     coverage = out.with_suffix(".png")
-    if coverage == out or any(item.count and item.path.resolve() == coverage.resolve() for item in read):
-        raise DataError(f"--out {out}: the coverage picture {coverage} would overwrite it or a picture; rename it")
+    written = {out.resolve(), coverage.resolve()}
+    if len(written) < 2 or any(item.count and item.path.resolve() in written for item in read):
+        raise DataError(f"--out {out}: it and the coverage picture {coverage} would overwrite a picture; rename it")
     result = Calibration(*_fit_without_outliers(pictures), tuple(pictures))
     result.camera.to_opencv_yaml(out)
     if not cv2.imwrite(str(coverage), coverage_picture(result)):

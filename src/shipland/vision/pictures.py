@@ -177,9 +177,16 @@ def _read_log(path: Path) -> Iterator[tuple[float, Picture]]:
         raise DataError(f"{path} keeps no pictures (its log.image_rate_hz was 0, or it is no flight log)")
 
 
-def _count_of(path: Path) -> int:
-    """Pictures in a video as its file says; 0 where it does not."""
+def _require_video(path: Path) -> None:
+    """DataError where there is no such file, SystemLibraryError without the extra that reads it."""
+    if not path.is_file():
+        raise DataError(f"video {path} does not exist")
     require("film", f"looking at {path}")
+
+
+def _count_of(path: Path) -> int:
+    """Pictures in a video as its file says; 0 where it does not. Errors as of `_require_video`."""
+    _require_video(path)
     import av
 
     try:
@@ -214,11 +221,9 @@ def read_video(path: Path) -> Generator[tuple[float, Picture], None, None]:
     Raises:
         DataError: it is missing, not a video, or breaks off.
     """
-    require("film", f"looking at {path}")
+    _require_video(path)
     import av
 
-    if not path.is_file():
-        raise DataError(f"video {path} does not exist")
     stamps_s: list[float] = []
     sound_s = -math.inf
     try:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from shipland.camera import Camera, CameraParameters
+from shipland.compiled import say_that_it_compiles
 from shipland.cue import Cue
 from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude, Observation
@@ -193,6 +194,8 @@ class _VisionBySize:
         std_rad = 0.0 if attitude is None else attitude.std_rad
         size = (picture.image.shape[1], picture.image.shape[0], std_rad)
         if size not in self._by_size:
+            if not self._by_size:
+                say_that_it_compiles()
             camera = self._camera.for_pictures(picture.name, *size[:2])
             parameters = replace(self._parameters, gimbal_noise_rad=std_rad)
             self._by_size[size] = NearVision(self._cue, camera, parameters, fuse=True)
