@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import re
+import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
@@ -71,21 +72,29 @@ def writing(path: Path, what: str = "") -> Iterator[None]:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A file beside `path` to write; then it takes its place: a reader sees the old file or the new one, whole."""
+    """A file or a new folder beside `path` to write; then it takes its place: readers see the old or the new, whole."""
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         yield beside
         beside.replace(path)
     finally:
-        beside.unlink(missing_ok=True)
+        _remove(beside)
+
+
+def _remove(path: Path) -> None:
+    """Remove a file, or a folder with all in it, if there is one."""
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def remove_unfinished(folder: Path) -> None:
     """Remove what others that were killed had begun to write in a folder (`replacing`); none of them may write now."""
-    for beside in folder.rglob(".*.[0-9]*.part"):
+    for beside in [*folder.rglob(".*.[0-9]*.part")]:
         if not beside.name.endswith(f".{os.getpid()}.part"):
-            beside.unlink(missing_ok=True)
+            _remove(beside)
 
 
 def write_atomically(path: Path, data: bytes) -> None:

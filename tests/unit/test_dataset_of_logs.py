@@ -125,6 +125,21 @@ def test_the_film_shows_the_pictures_of_its_rows(flights, tmp_path):
             assert np.abs(image - picture).mean() < 3.0  # of 255: what H.264 loses
 
 
+def test_a_layout_that_is_broken_off_leaves_nothing_and_can_be_written_again(flights, tmp_path, monkeypatch):
+    pytest.importorskip("av", reason="a film wants the extra film")
+    pytest.importorskip("pyarrow", reason="LeRobot's layout wants the extra dataset")
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("shipland.report.lerobot._write_tables", stop)
+        with pytest.raises(KeyboardInterrupt):
+            write_dataset(flights, tmp_path / "set", HERE, lerobot=True, pictures=True)
+    assert not list((tmp_path / "set").iterdir())
+    assert "lerobot" in write_dataset(flights, tmp_path / "set", HERE, lerobot=True)
+
+
 def test_lerobot_reads_it(flights, tmp_path):
     datasets = pytest.importorskip("lerobot.datasets.lerobot_dataset", reason="the layout is checked by LeRobot itself")
     write_dataset(flights, tmp_path / "set", HERE, lerobot=True)

@@ -113,13 +113,13 @@ def write_dataset(
     out.mkdir(parents=True, exist_ok=True)
     files: dict[str, str] = {}
     tables: dict[str, list[tuple[str, str]]] = {}
-    if pictures:
-        tables["pictures"] = _write_table(out, "pictures", pack_pictures(logs, out / "pictures.zip"), files)
-        files["pictures.zip"] = "application/zip"
-    if lerobot:
+    if lerobot:  # first, as it refuses
         write_lerobot(logs, out / "lerobot")
         inside = [path for path in sorted((out / "lerobot").rglob("*")) if path.is_file()]
         files |= {path.relative_to(out).as_posix(): _FORMS[path.suffix] for path in inside}
+    if pictures:
+        tables["pictures"] = _write_table(out, "pictures", pack_pictures(logs, out / "pictures.zip"), files)
+        files["pictures.zip"] = "application/zip"
     if cells:
         tables["landings"] = _write_table(out, "landings", list(rows_of(cells)), files)
     if logs:

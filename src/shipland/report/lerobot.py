@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from shipland.errors import DataError
 from shipland.extras import require
-from shipland.files import json_bytes, write_atomically
+from shipland.files import json_bytes, replacing, write_atomically
 from shipland.record.observations import Observer, flat_names
 from shipland.record.reader import read_log
 from shipland.report.palette import STICK_NAMES
@@ -80,10 +80,23 @@ def write_lerobot(logs: Mapping[str, Path], root: Path) -> None:
     steps_s = np.concatenate([np.diff(t_s) for t_s in times_s])
     steps_s = steps_s[steps_s > 0.0]  # a cycle of telemetry alone repeats an exposure
     fps = max(1, round(1.0 / float(np.mean(steps_s[steps_s < 1.5 * np.median(steps_s)]))))
+    with replacing(root) as beside:
+        _write_flights(beside, flights, list(zip(taken, times_s, strict=True)), fps, filmed=filmed)
+
+
+def _write_flights(
+    root: Path,
+    flights: Sequence[_Flight],
+    taken: Sequence[tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]],
+    fps: int,
+    *,
+    filmed: bool,
+) -> None:
+    """Write the cycles taken of each flight, with their times [s]."""
     tasks = sorted({flight.task for flight in flights})
     episodes: list[dict[str, Any]] = []
     columns: list[Columns] = []
-    for number, (flight, cycles, t_s) in enumerate(zip(flights, taken, times_s, strict=True)):
+    for number, (flight, (cycles, t_s)) in enumerate(zip(flights, taken, strict=True)):
         nearest = _nearest(t_s, fps)
         start = sum(episode["length"] for episode in episodes)
         numbers = {"episode_index": number, "task_index": tasks.index(flight.task)}
