@@ -1,5 +1,10 @@
 """Whole flights: they land, they repeat bit for bit, and the geometric camera stands for the rendered one."""
 
+import os
+import platform
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -28,6 +33,34 @@ def test_near_landing_is_inside_the_square(pilot, kind):
     assert [mode for mode in Mode if mode in modes] == [Mode.SEARCH, Mode.APPROACH, Mode.LAND, Mode.DONE]
     said = {row.decision.reason for row in rows if row.decision.reason.startswith("final descent at odds of")}
     assert len(said) == (pilot == "horizon"), said
+
+
+_DIGEST = """
+from shipland.scenario.fly import fly_quietly
+from shipland.scenario.scenario import load_scenario
+scenario = load_scenario("ship-sea6", **{"aircraft.loop.kind": "%s", "wind.mean_mps": 9.0})
+rows = []
+fly_quietly(scenario, "horizon", "geometric", 2, rows.append)
+print([[round(stick, 3) for stick in row.decision.command.sticks_percent] for row in rows])
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="names kernels of x86 processors")
+@pytest.mark.parametrize("kind", ["attitude", "velocity"])
+def test_a_flight_is_the_same_with_the_linear_algebra_of_another_processor(kind):
+    """Gains and models differ in their last digits between processors; no flight may hang on one."""
+    sticks = [
+        subprocess.run(
+            [sys.executable, "-c", _DIGEST % kind],
+            env={**os.environ, "OPENBLAS_CORETYPE": core},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for core in ("Haswell", "Sandybridge")
+    ]
+    assert sticks[0] == sticks[1]
 
 
 def test_pictures_alone_are_enough():

@@ -80,6 +80,14 @@ def test_a_ship_below_moves_a_velocity_from_optical_flow_and_none_from_gps():
     assert shares[1] == 0.0
 
 
+@pytest.mark.parametrize("before", [0.0, 0.5, 0.75])
+@pytest.mark.parametrize("last_digit", [-1e-15, 0.0, 1e-15])
+def test_a_view_of_nothing_but_ship_is_one_thing_whatever_it_was_and_to_any_last_digit(before, last_digit):
+    """Else a last digit, and with it the processor, would decide the flight."""
+    assumed = _estimator()._assumed.with_view(before, 0.3)
+    assert assumed.with_view(1.0 + last_digit, 0.3).motion.over_ship == 0.75
+
+
 def test_a_bar_swings_until_it_is_seen_to_stand_still():
     assert _flown(seconds=0.2).estimate(0.5).wave.bar_moves
     assert not _flown(seconds=5.0).estimate(5.3).wave.bar_moves

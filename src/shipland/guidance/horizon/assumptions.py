@@ -17,6 +17,8 @@ _AXIS_STEP_RAD = 0.2
 """Step of the ship's axis from model to model."""
 _VIEW_STEP = 0.25
 """Step of the share of ship in view from model to model."""
+_MOST_IN_VIEW = 0.8
+"""A view of nothing but ship counts as this: what the flow itself errs by needs a share too."""
 _GUST_STEPS, _LULL_STEPS = 0.6, 2.5
 """Levels by which the wind must exceed, or fall short of, that in use: a lull is no calm."""
 _SLOWEST_SHIP_MPS = 0.75
@@ -114,6 +116,7 @@ class Assumptions:
 
     def with_view(self, over_ship: float, settle_s: float) -> Assumptions:
         """With the share of ship in view: a servo on optical flow follows the motion of the ship below it."""
+        over_ship = min(over_ship, _MOST_IN_VIEW)
         if abs(over_ship - self.motion.over_ship) <= _VIEW_STEP:
             return self
         over_ship = _VIEW_STEP * round(over_ship / _VIEW_STEP)
