@@ -20,10 +20,11 @@ from shipland.messages import (
     Override,
     PilotCommand,
     Telemetry,
+    copied,
 )
 from shipland.safety.assurance import Safety
 from shipland.safety.input_gate import InputGate, without_repeated
-from shipland.soundness import is_new, sound_decision, words_of
+from shipland.soundness import ENDS_THE_PROCESS, log_failure, sound_decision, words_of
 from shipland.stopping import uninterrupted
 from shipland.vehicles.delays import DelayParameters
 from shipland.vehicles.vehicle import Commanded, Ending, GroundTruthSource, Vehicle
@@ -109,9 +110,11 @@ def decide_or_degrade(
     observation: Observation,
     telemetry: Telemetry,
     sent: PilotCommand | None,
-    known: set[type[Exception]] | None = None,
+    known: set[type[BaseException]] | None = None,
 ) -> Decision:
     """What the pilot decides; where it raises or gives what is no decision, the safety's own.
+
+    The pilot is given copies: one that writes into them changes nothing that safety, vision and log are told.
 
     Args:
         autonomy: pilot and safety.
@@ -121,10 +124,11 @@ def decide_or_degrade(
         known: kinds of its errors whose traceback the log of this flight holds already; a new one is added.
     """
     try:
-        return sound_decision(autonomy.pilot.decide(observation, telemetry, sent))
-    except Exception as error:  # whatever a foreign pilot raises
-        if is_new(error, known):
-            _log.exception("pilot failed at %.3f s", telemetry.t_s)
+        return sound_decision(autonomy.pilot.decide(copied(observation), copied(telemetry), sent))
+    except ENDS_THE_PROCESS:
+        raise
+    except BaseException as error:  # whatever a foreign pilot raises
+        log_failure(_log, f"pilot failed at {telemetry.t_s:.3f} s", error, known)
         return autonomy.safety.without_pilot(f"pilot failed: {words_of(error)}", telemetry, sent)
 
 
@@ -133,7 +137,7 @@ def check_or_hold(autonomy: Autonomy, decision: Decision, observation: Observati
     try:
         return autonomy.safety.check(decision, observation, telemetry, autonomy.override())
     except Exception as error:  # the last one who could raise in flight
-        _log.exception("safety failed at %.3f s", telemetry.t_s)
+        log_failure(_log, f"safety failed at {telemetry.t_s:.3f} s", error)
         return Decision(PilotCommand.hold(telemetry.t_s, 0.0), None, f"safety failed: {words_of(error)}: hold")
 
 
@@ -157,7 +161,7 @@ def cycles(vehicle: Vehicle, autonomy: Autonomy, clock: Callable[[], float]) -> 
     sent: PilotCommand | None = None
     before: Observation | None = None
     gate, commander = InputGate(), ""
-    of_vision, of_pilot = set[type[Exception]](), set[type[Exception]]()
+    of_vision, of_pilot = set[type[BaseException]](), set[type[BaseException]]()
     try:
         vehicle.open()
         commanded = vehicle if isinstance(vehicle, Commanded) else None

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -200,6 +200,19 @@ class Observation:
     deck: DeckSight | None = None
     gimbal_off_rad: float = 0.0
     waves_off: bool = False
+
+
+Message = TypeVar("Message", bound=Telemetry | BarPose | DeckSight | Observation)
+
+
+def copied(message: Message) -> Message:
+    """The same in arrays of its own."""
+    own: dict[str, Any] = {
+        name: part.copy("K") if isinstance(part, np.ndarray) else copied(part)
+        for name, part in vars(message).items()
+        if isinstance(part, np.ndarray | BarPose | DeckSight)
+    }
+    return replace(message, **own) if own else message
 
 
 class Intent(enum.Enum):

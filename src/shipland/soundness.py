@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import logging
 import math
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from types import UnionType
 from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
@@ -21,12 +23,15 @@ from shipland.frames import Array
 from shipland.messages import BarPose, Box, Decision, DeckSight, Estimate, GimbalAttitude, Observation, PilotCommand
 
 Sound = TypeVar("Sound")
+Raised = TypeVar("Raised", bound=BaseException)
 _MOST_PERCENT, _MOST_RAD = 1e6, 2.0 * math.pi
 """Largest magnitudes of a stick and of a camera's pitch; products of larger ones might overflow."""
 _MOST_WORDS = 1000
 """Characters of a reason that are kept."""
 _MOST_KINDS = 5
 """Kinds of errors that are logged in one flight, a traceback each: logging takes time."""
+ENDS_THE_PROCESS = (KeyboardInterrupt, SystemExit, GeneratorExit)
+"""What is raised to end more than a cycle; whatever else a pilot or a vision raises costs its cycle."""
 _FLOAT = np.dtype(float)
 """Of plain arrays."""
 
@@ -60,11 +65,29 @@ def sound_observation(given: object) -> Observation:
 
 def words_of(error: BaseException) -> str:
     """An error in one line, whatever its own words do."""
-    text = "".join(traceback.format_exception_only(error))
+    text = type(error).__name__
+    with suppress(Exception):  # its attributes may be anything
+        text = "".join(traceback.format_exception_only(error))
     return " ".join(text.split())[:_MOST_WORDS]
 
 
-def is_new(error: Exception, known: set[type[Exception]] | None) -> bool:
+def log_failure(
+    log: logging.Logger, words: str, error: BaseException, known: set[type[BaseException]] | None = None
+) -> None:
+    """Log the traceback of a failure in code that users bring, where it is new; never raises, whatever the error does.
+
+    Args:
+        log: the module's.
+        words: what failed, and when.
+        error: what was raised.
+        known: see `is_new`.
+    """
+    with suppress(Exception):
+        if is_new(error, known):
+            log.error(words, exc_info=error)
+
+
+def is_new(error: Raised, known: set[type[Raised]] | None) -> bool:
     """Whether an error is of a kind that was not logged yet, which it then is; of many kinds the first few count."""
     if known is None:
         return True

@@ -216,6 +216,83 @@ def test_cycles_can_be_stepped_and_closing_them_closes_the_vehicle():
     assert vehicle.closed
 
 
+@pytest.mark.parametrize("value", [math.nan, 1e300, 3.0])
+def test_a_pilot_that_writes_into_what_it_is_given_spoils_it_for_nobody_else(value):
+    class Sees(VisionSelector):
+        def see(self, frame):
+            pose = BarPose(np.array([-6.0, 0.0, -0.5]), 0.0, 1e-4 * np.eye(4), 0.1, frame.t_s + np.zeros((8, 2)))
+            return Observation(frame.t_s, frame.gimbal, pose)
+
+    class Writes(Wild):
+        def decide(self, observation, telemetry, sent):
+            pose = observation.bar_pose
+            for given in (telemetry.velocity_in_level_mps, pose.position_in_bar_m, pose.covariance, pose.corners_px):
+                given[:] = value
+            return super().decide(observation, telemetry, sent)
+
+    safety = autonomy().safety
+    _, rows = flown(Recorded(30), vision=Sees(), pilot=Writes(), safety=safety)
+    assert rows[-1].decision.reason == "wild"
+    assert rows[-1].observation.bar_pose.position_in_bar_m.tolist() == [-6.0, 0.0, -0.5]
+    assert not rows[-1].telemetry.velocity_in_level_mps.any()
+    assert safety.estimate.place_in_bar_m == pytest.approx((-6.0, 0.0, -0.5))
+
+
+@pytest.mark.parametrize(
+    "spoiled",
+    [
+        lambda frame: None,
+        lambda frame: replace(frame, t_s=math.nan),
+        lambda frame: replace(frame, t_s=frame.t_s - 15.0),
+    ],
+    ids=["no picture", "a picture without a time", "a picture of another clock"],
+)
+def test_without_any_good_picture_the_flight_is_held_and_a_key_obeyed(spoiled):
+    class Blind(Recorded):
+        def read(self):
+            frame, telemetry = super().read() or (None, None)
+            return None if frame is None else (spoiled(frame), telemetry)
+
+    lost = piloted(lambda telemetry: None)
+    keys = itertools.chain([None] * 10, itertools.repeat(Override.CLIMB))
+    vehicle = Blind(1000)
+    result, rows = flown(vehicle, 2.0, pilot=lost, override=keys.__next__)
+    assert [command.intent for command in vehicle.commands[:10]] == [Intent.HOLD] * 10
+    assert vehicle.commands[-1].heave_percent == 50.0
+    assert rows[0].observation.reason
+    assert result.reason == "time limit of 2 s"
+
+
+def test_a_vehicles_clock_that_stands_still_delays_no_key():
+    """Behind a time that does not go on the bound on the sticks' rate would keep them where they are."""
+
+    class Stands(Recorded):
+        def read(self):
+            frame, telemetry = super().read() or (None, None)
+            return None if frame is None else (replace(frame, t_s=0.0), replace(telemetry, t_s=0.1))
+
+        def telemetry_at(self, t_s):
+            return super().telemetry_at(0.1)
+
+    forward = piloted(lambda telemetry: Decision(replace(SOUND, pitch_percent=60.0), None, "forward"))
+    keys = itertools.chain([None] * 30, itertools.repeat(Override.CLIMB))
+    result, rows = flown(Stands(1000), 2.0, pilot=forward, override=keys.__next__)
+    assert rows[29].decision.command.pitch_percent == 60.0
+    assert rows[35].decision.command.sticks_percent == (0.0, 0.0, 50.0, 0.0)
+    assert result.reason == "time limit of 2 s"
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e9, -1e9])
+def test_a_computers_clock_that_leaps_turns_no_time_back_and_takes_a_minute_at_most(value):
+    times_s = itertools.chain(0.01 * np.arange(14), [value], itertools.count(0.5, 0.01))  # when the third was seen
+    measured = DelayParameters(processing="measured")
+    rows = []
+    fly(Recorded(20), autonomy(delays=measured), 1e3, times_s.__next__, rows.append)
+    steps_s = np.diff([row.telemetry.t_s for row in rows])
+    assert len(rows) == 20
+    assert np.all(steps_s >= 0.0) and np.all(steps_s <= 60.1)
+
+
 def test_a_pilot_without_modes_flies():
     command = PilotCommand(0.0, 10.0, 0.0, 0.0, 0.0, 0.0, Intent.HOLD)
     vehicle = Recorded(3)
@@ -282,6 +359,17 @@ class UnspeakableError(Exception):
         raise RuntimeError("and no words for it")
 
 
+class UnprintableError(SyntaxError):
+    """Its place in a text is none, which the standard library's words for it do not bear."""
+
+    def __init__(self):
+        super().__init__("broken", ("pilot.toml", "line one", "column three", "text"))
+
+
+class Panic(BaseException):
+    """What code in Rust raises is no Exception either."""
+
+
 SOUND = PilotCommand(0.0, 10.0, 0.0, 0.0, 0.0, -0.2, Intent.GO_AROUND)
 ESTIMATE = Estimate(0.0, np.zeros(3), 0.0)
 MALFORMED_DECISIONS = {
@@ -309,8 +397,10 @@ MALFORMED_DECISIONS = {
     "an estimate of objects": Decision(SOUND, None, "", replace(ESTIMATE, aircraft_in_bar_m=np.array([10**400, 1, 2]))),
     "an estimate's heading": Decision(SOUND, None, "", replace(ESTIMATE, yaw_rad=None)),
     "an error without words": UnspeakableError(),
+    "an error that cannot be printed": UnprintableError(),
     "a StopIteration": StopIteration(),
     "no memory": MemoryError(),
+    "a panic": Panic(),
 }
 
 LIKE = Observation(0.0, LEVEL)
@@ -337,7 +427,9 @@ MALFORMED_OBSERVATIONS = {
     "learned in an array": replace(LIKE, learned=np.zeros(2)),
     "a deck that is none": replace(LIKE, deck="below"),
     "an error without words": UnspeakableError(),
+    "an error that cannot be printed": UnprintableError(),
     "a StopIteration": StopIteration(),
+    "a panic": Panic(),
 }
 
 

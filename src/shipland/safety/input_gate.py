@@ -57,10 +57,10 @@ class InputGate(NamedTuple):
 
     def at_receipt(self, frame: Frame | None, t_s: float) -> InputGate:
         """After the receipt of a frame, or of telemetry without one, at `t_s` by the vehicle's clock."""
+        if self.now_s is None:
+            return self._replace(now_s=t_s) if math.isfinite(t_s) else self
         exposed_s = math.nan if frame is None else frame.t_s
         fits_frame = math.isfinite(t_s) and (not math.isfinite(exposed_s) or abs(t_s - exposed_s) <= 2.0 * _LEAP_S)
-        if self.now_s is None:
-            return self._replace(now_s=t_s) if fits_frame and math.isfinite(exposed_s) else self
         if math.isfinite(t_s) and 0.0 <= t_s - self.leapt_s - self.now_s <= _LEAP_S:
             return InputGate(t_s - self.leapt_s, self.exposure_s, self.gimbal, self.leapt_s)
         if self.suspect_s is not None and fits_frame and 0.0 < t_s - self.suspect_s <= _LEAP_S:
@@ -77,9 +77,12 @@ class InputGate(NamedTuple):
         return self._replace(now_s=t_s - leapt_s, leapt_s=leapt_s, suspect_s=None)
 
     def at_decision(self, t_s: float, asked_s: float) -> InputGate:
-        """When the command is decided, at `t_s` by the vehicle's clock; `asked_s` [s] where that is no good time."""
+        """When the command is decided, at `t_s` by the vehicle's clock; `asked_s` [s] where that is no good time.
+
+        It is none where the clock stands still: in a flight without time no stick moves, and nothing grows old.
+        """
         told_s = t_s - self.leapt_s
-        good = math.isfinite(told_s) and self.now_s is not None and 0.0 <= told_s - self.now_s <= 2.0 * _LEAP_S
+        good = math.isfinite(told_s) and self.now_s is not None and 0.0 < told_s - self.now_s <= 2.0 * _LEAP_S
         return InputGate(told_s if good else asked_s, *self[1:])
 
     def frame(self, frame: Frame | None) -> tuple[InputGate, Frame, str]:

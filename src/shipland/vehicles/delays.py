@@ -144,6 +144,10 @@ class TelemetryFeed:
         return self._start_s + self._count[name] / self._parts[name].rate_hz
 
 
+_LONGEST_MEASURED_S = 60.0
+"""Longer no processing was ever measured."""
+
+
 @parameters
 class DelayParameters:
     """Video latency, processing time and uplink."""
@@ -173,9 +177,9 @@ class DelayParameters:
     telemetry: TelemetryParameters = key(TelemetryParameters(), "rate and latency of what the vehicle says of itself")
 
     def processing_s(self, observation: Observation, measured_s: float) -> float:
-        """Time that a cycle's processing is taken to last [s]."""
+        """Time that a cycle's processing is taken to last [s]; a measured one may be that of a clock that leaps."""
         if self.processing == "measured":
-            return measured_s
+            return min(max(0.0, measured_s), _LONGEST_MEASURED_S)
         if self.processing == "zero":
             return 0.0
         return self.learned_s if observation.learned else self.near_s

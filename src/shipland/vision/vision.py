@@ -14,7 +14,7 @@ from typing import Protocol
 
 from shipland.config import key, parameters
 from shipland.messages import Frame, Observation
-from shipland.soundness import is_new, sound_observation, words_of
+from shipland.soundness import ENDS_THE_PROCESS, log_failure, sound_observation, words_of
 
 _log = logging.getLogger(__name__)
 
@@ -26,7 +26,7 @@ class Vision(Protocol):
         """The best that can be made of one frame; what the picture cannot give is a reason, not an exception."""
 
 
-def see_or_degrade(vision: Vision, frame: Frame, known: set[type[Exception]] | None = None) -> Observation:
+def see_or_degrade(vision: Vision, frame: Frame, known: set[type[BaseException]] | None = None) -> Observation:
     """What a vision makes of a frame; where it raises or gives what is no observation, one that says so.
 
     The flight loop looks through this and nothing else does: in flight a fault in a vision, ours or a user's, must not
@@ -39,9 +39,10 @@ def see_or_degrade(vision: Vision, frame: Frame, known: set[type[Exception]] | N
     """
     try:
         return sound_observation(vision.see(frame))
-    except Exception as error:  # whatever a foreign vision raises
-        if is_new(error, known):
-            _log.exception("vision failed on the frame of %.3f s", frame.t_s)
+    except ENDS_THE_PROCESS:
+        raise
+    except BaseException as error:  # whatever a foreign vision raises
+        log_failure(_log, f"vision failed on the frame of {frame.t_s:.3f} s", error, known)
         return Observation(frame.t_s, frame.gimbal, reason=f"vision failed: {words_of(error)}")
 
 
