@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from shipland import progress
@@ -157,7 +159,7 @@ BAD_VALUE = "[wind]\nmean_mps = -3.0\n"
         (("fly", "--check"), "give --vehicle too"),
         (("fly", "--vehicle", "replay://film.mp4", "--wind-mps=-9"), "--wind-mps must be 0 or more"),
         (("campaign", "--out", "file.txt/out"), "cannot be written"),
-        (("see", "picture.png", "--csv", "file.txt/poses.csv"), "poses.csv: Not a directory"),
+        (("see", "grey.png", "--csv", "file.txt/poses.csv"), "poses.csv: Not a directory"),
         (("compare", "here", "there"), "holds no campaign"),
         (("see", "missing.png"), "missing.png"),
         (("see", "picture.png", "--calibration", "missing.yaml"), "missing.yaml"),
@@ -175,6 +177,7 @@ def test_bad_input_is_one_line_and_exit_2(arguments, words, tmp_path, here, monk
         (tmp_path / name).write_text(text)
     (tmp_path / "file.txt").write_text("not a picture")
     (tmp_path / "picture.png").write_bytes(b"")
+    cv2.imwrite(str(tmp_path / "grey.png"), np.full((72, 128, 3), 90, np.uint8))
     done = here(*arguments)
     assert done.returncode == 2, done.stdout + done.stderr
     line = done.stderr.strip()
