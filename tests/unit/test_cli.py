@@ -159,7 +159,6 @@ BAD_VALUE = "[wind]\nmean_mps = -3.0\n"
         (("fly", "--check"), "give --vehicle too"),
         (("fly", "--vehicle", "replay://film.mp4", "--wind-mps=-9"), "--wind-mps must be 0 or more"),
         (("campaign", "--out", "file.txt/out"), "cannot be written"),
-        (("see", "grey.png", "--csv", "file.txt/poses.csv"), "poses.csv: Not a directory"),
         (("compare", "here", "there"), "holds no campaign"),
         (("see", "missing.png"), "missing.png"),
         (("see", "picture.png", "--calibration", "missing.yaml"), "missing.yaml"),
@@ -177,13 +176,20 @@ def test_bad_input_is_one_line_and_exit_2(arguments, words, tmp_path, here, monk
         (tmp_path / name).write_text(text)
     (tmp_path / "file.txt").write_text("not a picture")
     (tmp_path / "picture.png").write_bytes(b"")
-    cv2.imwrite(str(tmp_path / "grey.png"), np.full((72, 128, 3), 90, np.uint8))
     done = here(*arguments)
     assert done.returncode == 2, done.stdout + done.stderr
     line = done.stderr.strip()
     assert line.startswith("shipland: ")
     assert "\n" not in line
     assert words in line
+
+
+def test_a_table_that_cannot_be_written_is_said_with_the_first_picture(tmp_path, here, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    cv2.imwrite("grey.png", np.full((72, 128, 3), 90, np.uint8))
+    done = here("see", "grey.png", "--csv", "grey.png/poses.csv")
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1] == "shipland: grey.png/poses.csv: Not a directory"
 
 
 def test_letters_that_a_terminal_does_not_know_are_replaced():
