@@ -28,7 +28,7 @@ from shipland.scenario.faults import with_faults
 from shipland.scenario.fly import Flown, flight_info
 from shipland.scenario.scenario import Scenario, load_scenario
 from shipland.scenario.visions import needs_pictures, without_pictures
-from shipland.soundness import is_new
+from shipland.soundness import log_failure
 from shipland.stopping import check_stop, stop_requests
 from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import GroundTruthSource, Informed, Real, Vehicle
@@ -152,15 +152,15 @@ def fly(
         if informed is not None:
             informed.inform_of(scenario.rig, np.array(scenario.camera.position_in_body_m))
 
-        of_informing = set[type[Exception]]()
+        of_informing = set[type[BaseException]]()
 
         def remember(record: FlightRecord) -> None:
             if informed is not None:
                 try:
                     informed.inform(record)
                 except Exception as error:  # others are told nothing of this cycle; the flight goes on
-                    if is_new(error, of_informing):
-                        _log.exception("nobody was told of the cycle at %.3f s", record.telemetry.t_s)
+                    told = f"nobody was told of the cycle at {record.telemetry.t_s:.3f} s"
+                    log_failure(_log, told, error, of_informing)
             if recorder is not None:
                 recorder.append(record)
             records.append(replace(record, frame=replace(record.frame, image=None)))

@@ -145,7 +145,7 @@ class TelemetryFeed:
 
 
 _LONGEST_MEASURED_S = 60.0
-"""Longer no processing was ever measured."""
+"""A processing that is measured to last longer was not: the clock has leapt."""
 
 
 @parameters

@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 
-from shipland.soundness import is_new
+from shipland.soundness import log_failure
 from shipland.vehicles.priority import First, ask_for_slices, go_first, set_niceness
 
 _log = logging.getLogger(__name__)
@@ -69,7 +69,7 @@ class Pace:
                     set_niceness(niceness)
 
     def _take_turns(self) -> None:
-        due_s, known = time.monotonic(), set[type[Exception]]()
+        due_s, known = time.monotonic(), set[type[BaseException]]()
         last_s = boot_s()
         while not self._stopping.is_set():
             self.late_s.append(time.monotonic() - due_s)
@@ -78,8 +78,7 @@ class Pace:
                 self._do(now_s - last_s)
             except Exception as error:  # the next turn must come
                 self.failed += 1
-                if is_new(error, known):
-                    _log.exception("a turn of %s failed", self._thread.name)
+                log_failure(_log, f"a turn of {self._thread.name} failed", error, known)
             last_s = now_s
             due_s += self._period_s
             behind_s = time.monotonic() - due_s

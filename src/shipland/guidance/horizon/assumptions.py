@@ -18,7 +18,7 @@ _AXIS_STEP_RAD = 0.2
 _VIEW_STEP = 0.25
 """Step of the share of ship in view from model to model."""
 _MOST_IN_VIEW = 0.8
-"""A view of nothing but ship counts as this: what the flow itself errs by needs a share too."""
+"""A view of nothing but ship counts as this, 0.75 in steps: no last digit decides about 1."""
 _GUST_STEPS, _LULL_STEPS = 0.6, 2.5
 """Levels by which the wind must exceed, or fall short of, that in use: a lull is no calm."""
 _SLOWEST_SHIP_MPS = 0.75

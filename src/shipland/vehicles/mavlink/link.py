@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from shipland.aside import LogAside
 from shipland.errors import ConfigError
-from shipland.soundness import is_new
+from shipland.soundness import log_failure
 from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ class MavlinkLink:
         self._vehicle: int | None = None
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._receive, name="mavlink-receive", daemon=True)
-        self._known = set[type[Exception]]()
+        self._known = set[type[BaseException]]()
         self.counts = LinkCounts()
         """What came and what was refused."""
         self.others: set[tuple[int, int]] = set()
@@ -145,8 +145,7 @@ class MavlinkLink:
             self._on_message(message, received_s)
         except Exception as error:  # a message must not end the thread that hears the next one
             self.counts.failed += 1
-            if is_new(error, self._known):
-                _log.exception("a message's handling failed: %s", message.get_type())
+            log_failure(_log, f"a message's handling failed: {message.get_type()}", error, self._known)
 
     def _receive(self) -> None:
         while not self._stopping.is_set():
