@@ -8,7 +8,9 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,8 +35,9 @@ from shipland.messages import (
     Telemetry,
 )
 from shipland.rig import Rig
-from shipland.vehicles.ros2.conversions import odometry_of
+from shipland.vehicles.ros2.conversions import gimbal_message, odometry_of
 from shipland.vehicles.ros2.dds import Node, _quality
+from shipland.vehicles.ros2.image_messages import camera_info
 from shipland.vehicles.ros2.state import Heard
 from shipland.vehicles.ros2.types import message, message_of
 from shipland.vehicles.vehicle import Commanded, Ending, Informed, Real
@@ -164,6 +167,27 @@ def test_odometry_that_comes_late_is_old_and_another_clocks_is_not() -> None:
     for heard, age_s in ((synchronised, 1.5), (foreign, 0.0)):
         heard.take_odometry(odometry_of(told, time.time() - 1.5))
         assert time.monotonic() - heard.telemetry_at(0.0).velocity_t_s == pytest.approx(age_s, abs=0.05)
+
+
+def test_a_camera_that_looks_aside_says_so() -> None:
+    heard = Heard()
+    heard.take_gimbal(gimbal_message(GimbalAttitude(0.1, -0.2, 0.5), time.time()))
+    at, _ = heard.gimbal_at(time.monotonic(), None)
+    assert (at.roll_rad, at.pitch_rad, at.yaw_rad) == pytest.approx((0.1, -0.2, 0.5))
+
+
+@pytest.mark.parametrize("latched", [True, False])
+def test_what_was_latched_before_we_came_is_heard_and_what_is_sent_live_too(latched: bool) -> None:
+    domain, came = own_domain(), list[Any]()
+    with closing(Node(domain, local=True)) as sender, closing(Node(domain, local=True)) as hearer:
+        info = sender.publisher("drone/camera/camera_info", "sensor_msgs/msg/CameraInfo", latched=latched)
+        if latched:
+            info.send(camera_info(CAMERA, time.time(), "camera"))
+        hearer.subscribe("drone/camera/camera_info", "sensor_msgs/msg/CameraInfo", came.append, latched=True)
+        if not latched:
+            assert until(lambda: info.heard)
+            info.send(camera_info(CAMERA, time.time(), "camera"))
+        assert until(lambda: came)
 
 
 def test_a_drone_that_never_obeys_is_said_to() -> None:

@@ -133,10 +133,42 @@ def test_a_gimbals_clock_is_its_own_and_the_first_gimbal_is_followed() -> None:
     feed(made, mount(9_000, 0.9), 100.2, component=171)
     feed(made, attitude(60_300), 100.3)
     assert made.state.clock.restarts == 0
-    assert made.mounts == [(pytest.approx(100.1), 0.0, pytest.approx(-0.3))]
+    assert made.mounts == [(pytest.approx(100.1), 0.0, pytest.approx(-0.3), 0.0)]
     feed(made, mount(5, -0.4), 101.0, component=154)  # the gimbal starts anew, and the autopilot does not
     assert made.state.clock.restarts == 0
     assert made.state.gimbal_t_s == pytest.approx(101.0)
+
+
+@pytest.mark.parametrize(
+    ("flags", "yaw_rad"),
+    [
+        (0, 0.5),
+        (m.GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME | m.GIMBAL_DEVICE_FLAGS_YAW_LOCK, 0.5),
+        (m.GIMBAL_DEVICE_FLAGS_YAW_LOCK, -0.2),
+        (m.GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME, -0.2),
+    ],
+)
+def test_a_mount_that_looks_aside_says_so_against_the_nose(flags: int, yaw_rad: float) -> None:
+    q = [math.cos(0.25), 0.0, 0.0, math.sin(0.25)]
+    aside = m.MAVLink_gimbal_device_attitude_status_message(0, 0, 2_000, flags, q, 0, 0, 0, 0)
+    made = heard_session()
+    feed(made, m.MAVLink_attitude_message(60_000, 0.0, 0.0, 0.7, 0, 0, 0), 100.0)
+    feed(made, aside, 100.1, component=154)
+    assert made.mounts == [(pytest.approx(100.1), 0.0, 0.0, pytest.approx(yaw_rad))]
+    assert gimbal_at(100.1, [], made.mounts, None)[0].yaw_rad == pytest.approx(yaw_rad)
+
+
+def test_a_mounts_yaw_from_north_is_none_before_the_heading_is_known() -> None:
+    q = [math.cos(0.25), 0.0, 0.0, math.sin(0.25)]
+    flags = m.GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME
+    made = heard_session()
+    feed(made, m.MAVLink_gimbal_device_attitude_status_message(0, 0, 2_000, flags, q, 0, 0, 0, 0), 100.1, component=154)
+    assert made.mounts == []
+
+
+def test_a_mounts_yaw_is_interpolated_across_astern() -> None:
+    at, _ = gimbal_at(0.5, [], [(0.0, 0.0, 0.0, 3.1), (1.0, 0.0, 0.0, -3.1)], None)
+    assert abs(at.yaw_rad) == pytest.approx(math.pi, abs=0.01)
 
 
 @pytest.mark.parametrize("value", [0.0, math.nan, 7.0])
@@ -475,7 +507,7 @@ def test_limits_are_the_vehicles() -> None:
 
 
 def test_a_fixed_camera_tilts_with_the_aircraft() -> None:
-    attitudes = [(0.0, 0.0, 0.0), (1.0, 0.2, -0.1)]
+    attitudes = [(0.0, 0.0, 0.0, 0.0), (1.0, 0.2, -0.1, 0.0)]
     at, age_s = gimbal_at(0.5, attitudes, [], -0.3)
     assert at.pitch_rad == pytest.approx(-0.35, abs=0.01)
     assert at.roll_rad == pytest.approx(0.1, abs=0.01)
@@ -484,11 +516,11 @@ def test_a_fixed_camera_tilts_with_the_aircraft() -> None:
 
 def test_a_gimbals_attitude_says_how_old_it_is() -> None:
     for t_s, age_s in ((0.5, 0.1), (0.4, 0.0), (60.4, 60.0)):
-        at, found_s = gimbal_at(t_s, [(t_s, 0.0, 0.0)], [(0.4, 0.0, -0.2)], None)
+        at, found_s = gimbal_at(t_s, [(t_s, 0.0, 0.0, 0.0)], [(0.4, 0.0, -0.2, 0.0)], None)
         assert at.pitch_rad == pytest.approx(-0.2)
         assert found_s == pytest.approx(age_s)
-    assert gimbal_at(0.5, [(0.5, 0.0, 0.0)], [], None)[1] == math.inf
-    assert gimbal_at(60.0, [(0.5, 0.0, 0.0)], [(60.0, 0.0, 0.0)], -0.3)[1] == pytest.approx(59.5)
+    assert gimbal_at(0.5, [(0.5, 0.0, 0.0, 0.0)], [], None)[1] == math.inf
+    assert gimbal_at(60.0, [(0.5, 0.0, 0.0, 0.0)], [(60.0, 0.0, 0.0, 0.0)], -0.3)[1] == pytest.approx(59.5)
 
 
 def test_ports_and_keys(tmp_path: Path) -> None:

@@ -69,7 +69,11 @@ def flying(autopilot: int, sent: list) -> SimpleNamespace:
     moved = {"roll_rad": -0.3, "pitch_rad": 0.3, "velocity_t_s": 1.2, "velocity_in_ned_mps": (2.0, -1.0, 0.5)}
     return SimpleNamespace(
         state=replace(STATE, autopilot=autopilot, **moved, **place),
-        attitudes=[(0.9, 0.0, 0.0), (1.1, 2.0 * STATE.roll_rad, 2.0 * STATE.pitch_rad), (1.3, -0.3, 0.3)],
+        attitudes=[
+            (0.9, 0.0, 0.0, 0.0),
+            (1.1, 2.0 * STATE.roll_rad, 2.0 * STATE.pitch_rad, 0.0),
+            (1.3, -0.3, 0.3, 0.0),
+        ],
         link=SimpleNamespace(send=sent.append),
     )
 

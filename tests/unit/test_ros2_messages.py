@@ -59,11 +59,11 @@ def test_odometry_that_says_it_is_of_other_axes_is_refused(frame: str, child: st
         ros.with_odometry(NOTHING, told, 1.0)
 
 
-@given(angles, angles)
-def test_the_cameras_attitude_comes_back(roll, pitch) -> None:
-    back = ros.gimbal_of(ros.gimbal_message(GimbalAttitude(roll, pitch), 1.0))
+@given(angles, angles, angles)
+def test_the_cameras_attitude_comes_back(roll, pitch, yaw) -> None:
+    back = ros.gimbal_of(ros.gimbal_message(GimbalAttitude(roll, pitch, yaw), 1.0))
     assert back is not None
-    assert [back.roll_rad, back.pitch_rad] == pytest.approx([roll, pitch], abs=1e-9)
+    assert [back.roll_rad, back.pitch_rad, back.yaw_rad] == pytest.approx([roll, pitch, yaw], abs=1e-9)
 
 
 def test_a_camera_that_looks_down_turns_about_ross_left_axis() -> None:

@@ -10,8 +10,8 @@ import numpy as np
 from shipland.frames import euler_from_rotation, rotation_from_euler
 from shipland.messages import GimbalAttitude
 
-Reading = tuple[float, float, float]
-"""(time [s], roll [rad], pitch [rad])."""
+Reading = tuple[float, float, float, float]
+"""(time [s], roll [rad], pitch [rad], yaw against the nose [rad])."""
 
 
 def gimbal_at(
@@ -19,22 +19,23 @@ def gimbal_at(
 ) -> tuple[GimbalAttitude, float]:
     """The camera's attitude in `level` at a time, and how far from it the nearest reading is [s]; infinite without any.
 
-    >>> gimbal_at(0.1, [], [(0.0, 0.0, 0.0), (0.2, 0.2, 0.4)], None)
-    (GimbalAttitude(roll_rad=0.1, pitch_rad=0.2, yaw_rad=0.0), 0.1)
+    >>> gimbal_at(0.1, [], [(0.0, 0.0, 0.0, 0.0), (0.2, 0.2, 0.4, -0.2)], None)
+    (GimbalAttitude(roll_rad=0.1, pitch_rad=0.2, yaw_rad=-0.1), 0.1)
 
     Args:
         t_s: of the exposure.
         attitudes: of the body, in order of time.
-        mounts: of a gimbal, against the horizon, likewise.
+        mounts: of a gimbal, roll and pitch against the horizon, likewise.
         fixed_pitch_rad: of a camera fixed to the body, upward positive; None for one on a gimbal.
     """
     readings = mounts if fixed_pitch_rad is None else attitudes
-    roll_rad, pitch_rad, age_s = 0.0, 0.0, math.inf
+    found, age_s = GimbalAttitude(0.0, 0.0), math.inf
     if readings:
-        times_s, rolls_rad, pitches_rad = zip(*readings, strict=True)
-        roll_rad, pitch_rad = (float(np.interp(t_s, times_s, angles)) for angles in (rolls_rad, pitches_rad))
+        times_s, *angles = zip(*readings, strict=True)
+        found = GimbalAttitude(*(float(np.interp(t_s, times_s, np.unwrap(each))) for each in angles))
         age_s = min(abs(t_s - read_s) for read_s in times_s)
     if fixed_pitch_rad is None:
-        return GimbalAttitude(roll_rad, pitch_rad), age_s
-    turned = rotation_from_euler(roll_rad, pitch_rad, 0.0) @ rotation_from_euler(0.0, fixed_pitch_rad, 0.0)
+        return found, age_s
+    body = rotation_from_euler(found.roll_rad, found.pitch_rad, found.yaw_rad)
+    turned = body @ rotation_from_euler(0.0, fixed_pitch_rad, 0.0)
     return GimbalAttitude(*euler_from_rotation(turned)), age_s

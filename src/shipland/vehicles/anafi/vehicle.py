@@ -278,7 +278,7 @@ class AnafiVehicle(LinkVehicle):
     def _take_event(self, kind: str, values: Mapping[str, Any], true_s: float) -> None:
         if kind == "gimbal":
             gimbal = gimbal_of(values)
-            self._gimbals.append((true_s, gimbal.roll_rad, gimbal.pitch_rad))
+            self._gimbals.append((true_s, gimbal.roll_rad, gimbal.pitch_rad, gimbal.yaw_rad))
             return
         before, was = self._telemetry, self._state
         self._telemetry = merged(before, kind, values, true_s)

@@ -45,7 +45,7 @@ def link_checks(
         *_others(session, setup),
         _health(state, now_s),
         _transmitter(state, limits, now_s),
-        telemetry_check(rate_hz(t_s for t_s, _, _ in session.attitudes), wanted.telemetry_hz, "attitude "),
+        telemetry_check(rate_hz(t_s for t_s, *_ in session.attitudes), wanted.telemetry_hz, "attitude "),
         _messages(session),
         Check(
             "round trip", 0.0 < state.round_trip_s <= wanted.round_trip_s,

@@ -125,9 +125,9 @@ class Session:
             if message.get_type() in self._came and after is not before:
                 self._came[message.get_type()].append(received_s)
             if after.attitude_t_s != before.attitude_t_s and math.isfinite(after.attitude_t_s):
-                self._attitudes.append((after.attitude_t_s, after.roll_rad, after.pitch_rad))
+                self._attitudes.append((after.attitude_t_s, after.roll_rad, after.pitch_rad, 0.0))
             if after.gimbal_t_s != before.gimbal_t_s and math.isfinite(after.gimbal_t_s):
-                self._mounts.append((after.gimbal_t_s, after.gimbal_roll_rad, after.gimbal_pitch_rad))
+                self._mounts.append((after.gimbal_t_s, *after.gimbal_rad))
         self.state = after
         self._on_state(before, after)
 

@@ -33,6 +33,9 @@ _TRIPS = 5
 _AUTOPILOT = dialect.MAV_COMP_ID_AUTOPILOT1
 _GIMBALS = {_AUTOPILOT, 154, 171, 172, 173, 174, 175}
 """Components that tell a gimbal's attitude: gimbals themselves, and an autopilot for one that speaks no MAVLink."""
+_YAW_FROM_NORTH, _YAW_FROM_NOSE = (
+    dialect.GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME, dialect.GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME,
+)  # fmt: skip
 _ANY_COMPONENT = {"GIMBAL_DEVICE_ATTITUDE_STATUS", "RADIO_STATUS"}
 """Messages that count from others than the autopilot."""
 _FIRST_BATTERY = 0
@@ -108,7 +111,7 @@ class AutopilotState:
         link_t_s, link_percent: when it came, and a telemetry radio's signal; None without one.
         gimbal: component and device that are followed: the first that reported an attitude; None before.
         gimbal_clock: its own.
-        gimbal_t_s, gimbal_roll_rad, gimbal_pitch_rad: the mount against the horizon; NaN without one.
+        gimbal_t_s, gimbal_rad: roll and pitch of the mount against the horizon, yaw against the nose; NaN without one.
         sticks_t_s, sticks_us: when they came, and pulse widths of roll, pitch, throttle and yaw; empty without a
             transmitter.
         alerts: what it says is wrong, in words, by what is looked at, and when; empty words while it is well.
@@ -148,8 +151,7 @@ class AutopilotState:
     gimbal: tuple[int, int] | None = None
     gimbal_clock: Clock = Clock()
     gimbal_t_s: float = math.nan
-    gimbal_roll_rad: float = math.nan
-    gimbal_pitch_rad: float = math.nan
+    gimbal_rad: tuple[float, float, float] = (math.nan, math.nan, math.nan)
     sticks_t_s: float = math.nan
     sticks_us: tuple[int, ...] = ()
     alerts: dict[str, tuple[float, str]] = field(default_factory=dict)
@@ -279,10 +281,15 @@ def _gimbal(state: AutopilotState, it: Message, received_s: float) -> AutopilotS
     if not 0.9 < math.hypot(w, x, y, z) < 1.1:  # of zeros, an attitude that is not known
         raise ValueError(str(it.q))
     clock, sent_s = state.gimbal_clock.at(it.time_boot_ms, received_s)
-    roll_rad, pitch_rad, _ = euler_from_quaternion((w, x, y, z))
+    roll_rad, pitch_rad, yaw_rad = euler_from_quaternion((w, x, y, z))
+    # of a gimbal that names neither frame, the lock says which it is
+    framed = it.flags & (_YAW_FROM_NORTH | _YAW_FROM_NOSE)
+    if it.flags & (_YAW_FROM_NORTH if framed else dialect.GIMBAL_DEVICE_FLAGS_YAW_LOCK):
+        _finite(state.heading_rad)
+        yaw_rad = wrap_angle(yaw_rad - state.heading_rad)
     return replace(
         state, gimbal=speaker, gimbal_clock=clock, gimbal_t_s=sent_s - 0.5 * state.round_trip_s,
-        gimbal_roll_rad=roll_rad, gimbal_pitch_rad=pitch_rad,
+        gimbal_rad=(roll_rad, pitch_rad, yaw_rad),
     )  # fmt: skip
 
 

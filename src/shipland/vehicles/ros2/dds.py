@@ -141,7 +141,9 @@ class Node:
         self._publishers.append(Publisher(writer, data))
         return self._publishers[-1]
 
-    def subscribe(self, topic: str, kind: str, take: Callable[[Any], None], *, reliable: bool = False) -> None:
+    def subscribe(
+        self, topic: str, kind: str, take: Callable[[Any], None], *, reliable: bool = False, latched: bool = False
+    ) -> None:
         """Have every message of `/topic` handed to `take`, on the node's thread.
 
         Args:
@@ -149,14 +151,19 @@ class Node:
             kind: as `sensor_msgs/msg/Image`.
             take: may raise; the message then counts as malformed.
             reliable: for what is sent once; only reliable publishers are heard then, otherwise all.
+            latched: what a publisher keeps from before is handed over too; a live message may then come twice.
         """
         from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState
         from cyclonedds.sub import DataReader
 
         made, _ = self._topic(topic, kind)
-        reader = DataReader(self._participant, made, _quality(kind, reliable=reliable, latched=False))
-        self._readers.append((reader, kind, take))
-        self._waiting.attach(ReadCondition(reader, SampleState.Any | ViewState.Any | InstanceState.Any))
+        qualities = [_quality(kind, reliable=reliable, latched=False)]
+        if latched:  # such a reader hears no publisher that keeps nothing
+            qualities.append(_quality(kind, reliable=True, latched=True))
+        for quality in qualities:
+            reader = DataReader(self._participant, made, quality)
+            self._readers.append((reader, kind, take))
+            self._waiting.attach(ReadCondition(reader, SampleState.Any | ViewState.Any | InstanceState.Any))
 
     def close(self) -> None:
         """End; nothing is handed over or sent after this, and nothing is kept for those who come later."""

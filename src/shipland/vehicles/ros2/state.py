@@ -66,14 +66,14 @@ class Heard:
         with self._lock:
             told = self._telemetry = with_odometry(self._telemetry, odometry, true_s)
             if told.roll_rad is not None and told.pitch_rad is not None and told.attitude_t_s == true_s:
-                self._attitudes.append((true_s, told.roll_rad, told.pitch_rad))
+                self._attitudes.append((true_s, told.roll_rad, told.pitch_rad, 0.0))
 
     def take_gimbal(self, attitude: Message) -> None:
         """geometry_msgs/QuaternionStamped."""
         gimbal = gimbal_of(attitude)
         if gimbal is not None:
             true_s = self._true_s(seconds(attitude.header.stamp))
-            self._mounts.append((true_s, gimbal.roll_rad, gimbal.pitch_rad))
+            self._mounts.append((true_s, gimbal.roll_rad, gimbal.pitch_rad, gimbal.yaw_rad))
 
     def take_battery(self, battery: Message) -> None:
         """sensor_msgs/BatteryState."""
@@ -175,7 +175,7 @@ class Heard:
     @property
     def attitude_hz(self) -> float:
         """Of attitudes; see `checks.rate_hz`."""
-        return rate_hz(true_s for true_s, _, _ in list(self._attitudes))
+        return rate_hz(true_s for true_s, *_ in list(self._attitudes))
 
     def _true_s(self, stamp_s: float) -> float:
         """When what is stamped was true; a stamp of another clock counts as now.

@@ -93,7 +93,7 @@ class Ros2Vehicle(SetpointVehicle):
         node.subscribe(topics["gimbal"], "geometry_msgs/msg/QuaternionStamped", heard.take_gimbal)
         node.subscribe(OUR_TOPICS["land"], "std_msgs/msg/Bool", heard.take_land, reliable=True)
         if setup.camera is None:
-            node.subscribe(topics["camera_info"], "sensor_msgs/msg/CameraInfo", self._take_camera)
+            node.subscribe(topics["camera_info"], "sensor_msgs/msg/CameraInfo", self._take_camera, latched=True)
         if setup.frames is None:
             node.subscribe(topics["image"], image_kind(topics["image"]), self._topic.take)
         self._start_stream(self._source)
