@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from shipland.frames import Array, Pose, shape_of
+from shipland.frames import Array, Pose, shape_of, wrap_angle
 
 
 def _check_shape(owner: str, name: str, value: npt.NDArray[np.generic], shape: tuple[int | None, ...]) -> None:
@@ -200,6 +200,12 @@ class Observation:
     deck: DeckSight | None = None
     gimbal_off_rad: float = 0.0
     waves_off: bool = False
+
+    @property
+    def nose_pose(self) -> BarPose | None:
+        """The pose with the heading of the nose: the camera's may be another."""
+        pose, aside_rad = self.bar_pose, self.gimbal.yaw_rad
+        return pose if pose is None or aside_rad == 0.0 else replace(pose, yaw_rad=wrap_angle(pose.yaw_rad - aside_rad))
 
 
 Message = TypeVar("Message", bound=Telemetry | BarPose | DeckSight | Observation)

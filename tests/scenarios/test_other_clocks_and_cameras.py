@@ -1,11 +1,13 @@
 """Whatever the vehicle's clock says at the start and whichever camera it carries: the same flight, and a landing."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from shipland.flight import fly
+from shipland.frames import Pose, rotation_from_euler
 from shipland.scenario.autonomy import build_autonomy, build_vehicle
 from shipland.scenario.fly import fly_quietly
 from shipland.scenario.scenario import load_scenario
@@ -73,3 +75,36 @@ def test_a_full_hd_camera_of_60_degrees_lands_too():
     }
     flown = fly_quietly(load_scenario("near", **overlay), "horizon", "geometric", 1)
     assert flown.success, flown.reason
+
+
+class Aside(SimulatedVehicle):
+    """A simulated vehicle whose gimbal looks to the right of its nose, and says so."""
+
+    def __init__(self, vehicle, aside_rad):
+        self.__dict__.update(vars(vehicle))
+        self._aside_rad = aside_rad
+
+    def read(self):
+        pair = super().read()
+        if pair is None:
+            return None
+        return replace(pair[0], gimbal=replace(pair[0].gimbal, yaw_rad=self._aside_rad)), pair[1]
+
+    def truth_at(self, t_s):
+        truth = super().truth_at(t_s)
+        if truth is None:
+            return None
+        camera = truth.ned_from_camera
+        turned = Pose(rotation_from_euler(0.0, 0.0, self._aside_rad) @ camera.rotation, camera.translation_m)
+        return replace(truth, ned_from_camera=turned)
+
+
+def test_a_camera_that_looks_aside_lands_as_well():
+    """Its heading taken for the nose's, 12° land 18 cm off here, where a camera that looks ahead lands within 3 cm."""
+    scenario = load_scenario("near", **{"start.distance_m": 80.0, "start.height_m": 8.0})
+    vehicle = Aside(build_vehicle(scenario, 1, None), math.radians(12.0))
+    autonomy = build_autonomy(scenario, vehicle, "horizon", "geometric", 1)
+    fly(vehicle, autonomy, 90.0, lambda: 0.0, lambda record: None)
+    verdict = vehicle.verdict()
+    assert verdict is not None
+    assert np.hypot(*verdict.touchdown_in_deck_m) < 0.06

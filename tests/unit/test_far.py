@@ -22,7 +22,7 @@ from shipland.guidance.far import (
 )
 from shipland.guidance.laws import PidMemory, exponential_law, pid_law
 from shipland.guidance.parameters import GuidanceParameters, PidGains
-from shipland.messages import Box
+from shipland.messages import Box, GimbalAttitude
 
 PARAMETERS = GuidanceParameters()
 SHIP, BAR, BASELINES, NEAR = PARAMETERS.ship, PARAMETERS.bar, PARAMETERS.far_baselines, PARAMETERS.near
@@ -32,7 +32,7 @@ SLOW = PidGains(k_p=0.5, t_i_s=4.0, t_d_s=1.0)
 
 
 def sight(box: Box, t_s: float, heading_error_deg: float | None, target=FarTarget.SHIP) -> FarSight:
-    return FarSight(box, target, t_s, 0.0, heading_error_deg)
+    return FarSight(box, target, t_s, GimbalAttitude(0.0, 0.0), heading_error_deg)
 
 
 def box(right_px=0.0, below_px=0.0, area_px2=400.0):

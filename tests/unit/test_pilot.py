@@ -252,6 +252,29 @@ def test_a_bearing_is_added_to_the_heading_of_its_own_picture():
     assert pilot._state.far_heading_rad == pytest.approx(0.0, abs=math.radians(0.5))  # 12° off with the newest heading
 
 
+@pytest.mark.parametrize("build_pilot", [paper_pilot, horizon_pilot])
+def test_a_camera_that_looks_aside_is_flown_as_one_that_looks_ahead(build_pilot):
+    aside_rad = math.radians(15.0)
+
+    def flown(gimbal, pilot):
+        bearing_rad = math.atan2(60.0, CAMERA.focal_px) - gimbal.yaw_rad
+        ship = Box((CAMERA.matrix[0, 2] + CAMERA.focal_px * math.tan(bearing_rad), 360.0), (20.0, 20.0), 0.9)
+        pose = pose_of((-4.0, 0.3, -0.5))
+        for index in range(150):
+            t_s = index * STEP_S
+            near = replace(pose, yaw_rad=gimbal.yaw_rad) if index > 90 else None
+            decision = pilot.decide(Observation(t_s, gimbal, near, ship_box=ship), telemetry(t_s), None)
+            if index in (90, 149):
+                yield decision
+
+    ahead = list(flown(LEVEL, build_pilot()))
+    aside = list(flown(replace(LEVEL, yaw_rad=aside_rad), build_pilot()))
+    assert [decision.mode for decision in aside] == [Mode.TRACK_SHIP, Mode.APPROACH]
+    for one, other in zip(ahead, aside, strict=True):
+        assert other.command.sticks_percent == pytest.approx(one.command.sticks_percent, abs=4.0)
+        assert max(map(abs, one.command.sticks_percent)) > 5.0
+
+
 # `horizon` steps its filters by whole milliseconds, so a rounding of the clock moves a stick by tenths of a percent.
 @pytest.mark.parametrize(("build_pilot", "off_percent"), [(paper_pilot, 1e-6), (horizon_pilot, 5.0)])
 @pytest.mark.parametrize("start_s", [5000.0, -20.0])

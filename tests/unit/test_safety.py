@@ -28,7 +28,7 @@ from shipland.safety.assurance import Safety, SafetyParameters
 PARAMETERS = SafetyParameters()
 CAMERA = Camera.from_fov(1280, 720, 69.0)
 RIG = Rig()
-LEVEL = GimbalAttitude(0.0, 0.0)
+LEVEL, ABEAM = GimbalAttitude(0.0, 0.0), GimbalAttitude(0.0, 0.0, math.pi / 2)
 
 
 def made():
@@ -133,6 +133,15 @@ def test_the_fence_holds_sideways_and_lets_the_way_back_through():
     assert away.command.pitch_percent == pytest.approx(15.0)
     back = safety.check(decision(0.2, roll_percent=20.0), seen(0.2, None), telemetry(0.2, **nose_north))
     assert back.command.roll_percent == pytest.approx(20.0)
+
+
+def test_the_fence_knows_where_a_camera_looks_that_looks_aside():
+    """As above, seen by a camera that looks to the right of a nose that points north."""
+    safety = made()
+    safety.check(decision(0.0), replace(seen(0.0, None, ship_box=ship_box(450.0)), gimbal=ABEAM), telemetry(0.0))
+    away = safety.check(decision(0.1, roll_percent=-20.0, pitch=15.0), seen(0.1, None), telemetry(0.1))
+    assert away.command.roll_percent == pytest.approx(0.0, abs=1e-6)
+    assert away.command.pitch_percent == pytest.approx(15.0)
 
 
 def test_a_descent_is_stopped_before_the_floor():

@@ -20,7 +20,7 @@ from shipland.guidance.parameters import (
     NearParameters,
 )
 from shipland.guidance.response import SticksPercent, clamp
-from shipland.messages import Box
+from shipland.messages import Box, GimbalAttitude
 
 PUBLISHED_CAMERA = Camera.from_fov(1280, 720, 69.0)
 """The camera that Table 1's pixels belong to: 720p stream [Lee2022], 69° (Parrot ANAFI data sheet), f = 931 px."""
@@ -85,7 +85,7 @@ class FarSight:
         box: of the target.
         target: what the box is of.
         t_s: exposure time of the box's picture [s]; one no newer than the last adds nothing to sums.
-        gimbal_pitch_rad: of the camera at exposure.
+        gimbal: of the camera at exposure.
         heading_error_deg: desired heading minus the magnetometer's newest; None where there is no magnetometer: then
             the nose is turned to the box.
     """
@@ -93,7 +93,7 @@ class FarSight:
     box: Box
     target: FarTarget
     t_s: float
-    gimbal_pitch_rad: float
+    gimbal: GimbalAttitude
     heading_error_deg: float | None
 
 
@@ -233,16 +233,16 @@ def far_control(
 def _errors(sight: FarSight, gains: FarParameters, focal_px: float) -> tuple[float, float, float]:
     """Area missing [px²], and how far the box is right of and below its setpoint [px].
 
-    The row is that in a level camera: the gimbal follows the target, so that a steep one stays in the picture. Not a
+    As in a level camera along the nose: the gimbal follows the target, so that a steep one stays in the picture. Not a
     number where box or gimbal are not finite: the laws then give no stick.
     """
-    box, setpoint_px = sight.box, gains.heave.setpoint
-    if not all(map(math.isfinite, (*box.centre_px, *box.size_px, sight.gimbal_pitch_rad))):
+    box, setpoint_px, gimbal = sight.box, gains.heave.setpoint, sight.gimbal
+    if not all(map(math.isfinite, (*box.centre_px, *box.size_px, gimbal.pitch_rad, gimbal.yaw_rad))):
         return math.nan, math.nan, math.nan
-    below_rad = math.atan2(box.centre_px[1] - setpoint_px, focal_px) - sight.gimbal_pitch_rad
+    below_rad = math.atan2(box.centre_px[1] - setpoint_px, focal_px) - gimbal.pitch_rad
     return (
         gains.pitch.setpoint - box.area_px2,
-        box.centre_px[0] - gains.roll.setpoint,
+        box.centre_px[0] - gains.roll.setpoint + focal_px * math.tan(clamp(gimbal.yaw_rad, _STEEPEST_RAD)),
         focal_px * math.tan(clamp(below_rad, _STEEPEST_RAD)),
     )
 

@@ -120,13 +120,14 @@ class ModePilot:
         column_px = target_column_px(observation)
         if column_px is None:
             return state
-        return replace(state, seen_rad=self._view.bearing_rad(column_px) + (self._compass.at(observation.t_s) or 0.0))
+        bearing_rad = self._view.bearing_rad(column_px, observation.gimbal.yaw_rad)
+        return replace(state, seen_rad=bearing_rad + (self._compass.at(observation.t_s) or 0.0))
 
     def _with_picture(
         self, position: PositionEstimate, observation: Observation, telemetry: Telemetry
     ) -> PositionEstimate:
         """Filter the picture's errors to the present reference."""
-        pose = observation.bar_pose
+        pose = observation.nose_pose
         if pose is None:
             return position
         age_s, own_mps = telemetry.t_s - observation.t_s, telemetry.velocity_in_level_mps
@@ -227,21 +228,21 @@ class ModePilot:
             state = replace(state, far_mode=mode)
         if box is None:
             return state
-        held_rad = self._held_heading_rad(state, box, observation.t_s)
+        held_rad = self._held_heading_rad(state, box, observation)
         error_deg = None
         if held_rad is not None and telemetry.heading_rad is not None:
             error_deg = math.degrees(wrap_angle(held_rad - telemetry.heading_rad))
-        sight = FarSight(box, target, observation.t_s, observation.gimbal.pitch_rad, error_deg)
+        sight = FarSight(box, target, observation.t_s, observation.gimbal, error_deg)
         return replace(state, sticks=self._far.sticks(sight), far_heading_rad=held_rad)
 
-    def _held_heading_rad(self, state: PilotState, box: Box, exposure_s: float) -> float | None:
+    def _held_heading_rad(self, state: PilotState, box: Box, observation: Observation) -> float | None:
         """The compass heading to hold: that of the first box, moved so that the target stays in the picture."""
-        heading_rad = self._compass.at(exposure_s)
+        heading_rad = self._compass.at(observation.t_s)
         if heading_rad is None:
             return state.far_heading_rad
         held_rad = state.far_heading_rad
         if held_rad is None:
-            held_rad = heading_rad + self._view.bearing_rad(box.centre_px[0])
+            held_rad = heading_rad + self._view.bearing_rad(box.centre_px[0], observation.gimbal.yaw_rad)
         off_rad = wrap_angle(state.seen_rad - held_rad)
         return held_rad + off_rad - clamp(off_rad, math.radians(self._guidance.approach.max_bearing_deg))
 

@@ -31,9 +31,9 @@ class View:
         middle_px = (float(camera.matrix[0, 2]), float(camera.matrix[1, 2]))
         return View(camera.focal_px, middle_px, math.atan2(0.5 * camera.width_px, camera.focal_px))
 
-    def bearing_rad(self, column_px: float) -> float:
-        """Of a column of the picture, clockwise from its middle."""
-        return math.atan2(column_px - self.middle_px[0], self.focal_px)
+    def bearing_rad(self, column_px: float, camera_yaw_rad: float) -> float:
+        """Of a column of the picture, clockwise from the nose, off which the camera is turned by its yaw."""
+        return math.atan2(column_px - self.middle_px[0], self.focal_px) + camera_yaw_rad
 
     def range_m(self, area_px2: float, side_m: float) -> float:
         """Of a box by its area, whose object has the area of a square with side `side_m`, seen frontally."""

@@ -146,7 +146,7 @@ class FarPilot:
         if box is not None:
             heading_rad = telemetry.heading_rad
             error_deg = -math.degrees(heading_rad) if heading_rad is not None else None
-            sight = FarSight(box, target, observation.t_s, observation.gimbal.pitch_rad, error_deg)
+            sight = FarSight(box, target, observation.t_s, observation.gimbal, error_deg)
             pitch, roll, heave, yaw = self._far.sticks(sight)
             pitch, yaw = (pitch, yaw) if case.approach else (0.0, 0.0)
             self._command = PilotCommand(telemetry.t_s, pitch, roll, heave, yaw, 0.0)

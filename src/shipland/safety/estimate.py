@@ -237,7 +237,7 @@ class SafetyEstimator:
         _take_telemetry(records, self._ways, self._sights, times_s, told)
         if observation.waves_off:
             records["waved_off_s"] = t_s
-        pose, deck, bar, ship = observation.bar_pose, observation.deck, observation.bar_box, observation.ship_box
+        pose, deck, bar, ship = observation.nose_pose, observation.deck, observation.bar_box, observation.ship_box
         seen = () if pose is None else (*pose.position_in_bar_m.tolist(), pose.yaw_rad)
         if not math.isfinite(told[0] + sum(velocity_mps)):
             self._way_scale.interrupt()
@@ -252,16 +252,16 @@ class SafetyEstimator:
             )
         elif bar is not None and _usable(bar):
             records["bar_box_s"] = t_s
-            self._take_box(bar, self._bar_side_m, t_s)
+            self._take_box(bar, self._bar_side_m, observation)
         elif ship is not None and _usable(ship):
-            self._take_box(ship, self._ship_side_m, t_s)
+            self._take_box(ship, self._ship_side_m, observation)
         records["scale"], records["scale_sigma"] = self._way_scale.scale, self._way_scale.sigma
         return self._read()
 
-    def _take_box(self, box: Box, side_m: float, exposure_s: float) -> None:
+    def _take_box(self, box: Box, side_m: float, observation: Observation) -> None:
         range_m, heading_rad = self._view.range_m(box.area_px2, side_m), float(self._records["heading_rad"][0])
-        direction_rad = heading_rad + self._view.bearing_rad(box.centre_px[0])
-        self._records["seen_s"] = exposure_s
+        direction_rad = heading_rad + self._view.bearing_rad(box.centre_px[0], observation.gimbal.yaw_rad)
+        self._records["seen_s"] = observation.t_s
         self._records["bar_from_aircraft_m"] = range_m * math.cos(direction_rad), range_m * math.sin(direction_rad)
 
     def _read(self) -> SafetyEstimate:

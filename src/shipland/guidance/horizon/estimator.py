@@ -128,7 +128,7 @@ class Estimator:
             landing: low over the deck, or on the way up from it: there a leap of the position is not soon believed.
         """
         self._landing, self.rejected = landing, ""
-        t_s, pose = self.taken_s(observation.t_s), observation.bar_pose
+        t_s, pose = self.taken_s(observation.t_s), observation.nose_pose
         if pose is not None and not _finite(pose):
             pose = None
         if telemetry.heading_rad is not None:
@@ -170,7 +170,7 @@ class Estimator:
             speed_mps = 0.0 if estimate is None else float(np.linalg.norm(estimate.of(VELOCITY)))
             self._take_pose(t_s, self._places.of_pose(pose, headings, nose_up_rad, speed_mps))
         elif box is not None:
-            place = self._places.of_box(box, is_bar, observation.gimbal.pitch_rad, headings)
+            place = self._places.of_box(box, is_bar, observation.gimbal, headings)
             if place is not None:
                 self._take_box(t_s, place, is_bar)
 

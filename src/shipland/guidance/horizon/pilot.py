@@ -157,7 +157,9 @@ class HorizonPilot:
         if landing and estimator.rejected:
             observation = replace(observation, bar_pose=None, reason=estimator.rejected)
         column_px = target_column_px(observation)
-        seen_rad = state.seen_rad if column_px is None else self._view.bearing_rad(column_px)
+        seen_rad = state.seen_rad
+        if column_px is not None:
+            seen_rad = self._view.bearing_rad(column_px, observation.gimbal.yaw_rad)
         return observation, state._replace(heard_s=max(heard_s, state.heard_s), seen_rad=seen_rad)
 
     def _usable(self, estimate: Estimated, now_s: float) -> bool:

@@ -14,7 +14,7 @@ from shipland.estimation.waves import WaveBank, WaveEstimate, WaveMotion, WavePa
 from shipland.frames import Array, rotated
 from shipland.guidance.horizon.parameters import MeasurementNoise
 from shipland.guidance.view import View
-from shipland.messages import BarPose, Box
+from shipland.messages import BarPose, Box, GimbalAttitude
 from shipland.rig import Rig
 
 
@@ -84,13 +84,13 @@ class Places:
         down_variance = float(pose.covariance[2, 2]) + floor + (ahead_m * _TILT_RAD) ** 2
         return SeenPlace(np.array([north_m, east_m]), covariance, down_m, down_variance, by_nose > 0.0)
 
-    def of_box(self, box: Box, is_bar: bool, camera_pitch_rad: float, headings: Headings) -> SeenPlace | None:
+    def of_box(self, box: Box, is_bar: bool, gimbal: GimbalAttitude, headings: Headings) -> SeenPlace | None:
         """The place of a box: range from its area, bearing and elevation from its centre; None where it has none.
 
         Args:
             box: of the ship, or of the bar.
             is_bar: which of them.
-            camera_pitch_rad: above the horizon.
+            gimbal: of the camera.
             headings: at the picture.
         """
         if not all(map(math.isfinite, (*box.centre_px, *box.size_px))):
@@ -101,12 +101,12 @@ class Places:
             area_px2 = min(area_px2, self._stern_ratio * box.size_px[1] ** 2)
         range_m = self._view.range_m(max(area_px2, 1.0), size_m)
         right = (box.centre_px[0] - self._view.middle_px[0]) / self._view.focal_px
-        elevation_rad = camera_pitch_rad - self._view.depression_rad(box.centre_px[1])
+        elevation_rad = gimbal.pitch_rad - self._view.depression_rad(box.centre_px[1])
         if not (math.isfinite(elevation_rad) and abs(elevation_rad) < _STEEPEST_BOX_RAD):
             return None
         to_target_m = range_m * np.array([1.0, right])
-        nose_rad = headings.nose_rad
-        along, across = rotated(np.array([1.0, right]), nose_rad), rotated(np.array([-right, 1.0]), nose_rad)
+        camera_rad = headings.nose_rad + gimbal.yaw_rad
+        along, across = rotated(np.array([1.0, right]), camera_rad), rotated(np.array([-right, 1.0]), camera_rad)
         along_m = 0.5 * measured.area_share * range_m
         across_m = range_m * measured.centre_px / self._view.focal_px + measured.box_m
         across_variance = across_m**2 + range_m**2 * float(headings.covariance[0, 0])
@@ -115,7 +115,7 @@ class Places:
         )
         down_m = range_m * math.tan(elevation_rad) + (0.0 if is_bar else self._ship_below_m)
         down_variance = measured.repeated * (across_m**2 + (along_m * math.tan(elevation_rad)) ** 2)
-        return SeenPlace(-rotated(to_target_m, nose_rad), covariance, down_m, down_variance)
+        return SeenPlace(-rotated(to_target_m, camera_rad), covariance, down_m, down_variance)
 
 
 class HeightGate:

@@ -96,13 +96,13 @@ def _at_exposure(session: Session, state: AutopilotState, t_s: float) -> Autopil
 
 def tell(session: Session, seen: Observation, mounting: Mounting, with_position: bool = False) -> bool:
     """Send what was seen of the pad, from where the aircraft was at the exposure; whether there was anything."""
-    state = session.state
+    state, pose = session.state, seen.nose_pose
     exposed = _at_exposure(session, state, seen.t_s)
-    if seen.bar_pose is None or exposed is None:
+    if pose is None or exposed is None:
         return False
     # the autopilot's clock: what it has said of it, and the exposure's age since
     exposed_us = int(1e6 * max(0.0, state.clock.boot_s - (time.monotonic() - seen.t_s)))
-    session.link.send(landing_target(seen.bar_pose, exposed, mounting, exposed_us))
+    session.link.send(landing_target(pose, exposed, mounting, exposed_us))
     if with_position:
-        session.link.send(position_estimate(seen.bar_pose, exposed, mounting, exposed_us))
+        session.link.send(position_estimate(pose, exposed, mounting, exposed_us))
     return True
