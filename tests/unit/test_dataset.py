@@ -151,3 +151,27 @@ def test_a_line_of_scenes_that_is_none_is_named(folder, line):
     (folder / "scenes.jsonl").write_text(f'{{"file": "0.jpg"}}\n{line}\n')
     with pytest.raises(DataError, match=r"scenes\.jsonl, line 2: expected a JSON object with a key 'file'"):
         read_dataset(folder)
+
+
+def test_a_byte_order_mark_is_no_part_of_a_name_or_a_number(folder):
+    (folder / "classes.txt").write_text("ship\n", encoding="utf-8-sig")
+    (folder / "labels" / "p0.txt").write_text("0 0.5 0.5 0.1 0.1\n", encoding="utf-8-sig")
+    assert read_dataset(folder).classes == ("ship",)
+    (folder / "classes.txt").unlink()
+    (folder / "data.yaml").write_text("names: [ship]\n", encoding="utf-8-sig")
+    assert read_dataset(folder).classes == ("ship",)
+
+
+def test_numbered_classes_are_taken_by_number(folder):
+    (folder / "classes.txt").unlink()
+    (folder / "data.yaml").write_text("names:\n  1: boat\n  0: ship\n")
+    assert read_dataset(folder).classes == ("ship", "boat")
+    (folder / "data.yaml").write_text("names:\n  1: ship\n  2: boat\n")
+    with pytest.raises(DataError, match=r"numbers its classes 1, 2; expected 0, 1"):
+        read_dataset(folder)
+
+
+def test_a_range_that_is_no_number_is_named(folder):
+    (folder / "scenes.jsonl").write_text('{"file": "p0.jpg", "range_m": "far"}\n')
+    with pytest.raises(DataError, match=r"scenes\.jsonl, line 1: .*range_m"):
+        read_dataset(folder)

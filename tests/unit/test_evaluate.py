@@ -2,15 +2,17 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from studies.networks import random_weights
 
-from shipland.errors import DataError
+from shipland.errors import ConfigError, DataError
 from shipland.learning.arguments import EvaluateArguments, SynthArguments
 from shipland.learning.evaluate import evaluate
-from shipland.learning.export import write_onnx
+from shipland.learning.export import read_onnx, write_onnx
 from shipland.learning.ranges import SceneRecord, markdown, range_table, summary
 from shipland.learning.synth import synth
 from shipland.learning.yolov3 import yolov3_layers
@@ -121,3 +123,49 @@ def test_a_drawn_set_says_what_it_is_of(weights, tmp_path):
     folder = synth(SynthArguments(tmp_path / "set", "bar", count=2, seed=9, crop_px=96))
     result = evaluate(EvaluateArguments(weights, data=folder, out=tmp_path / "out", threads=1))
     assert result.tables["all"].bins[0].high_m - result.tables["all"].bins[0].low_m == 10.0  # of the bar's table
+
+
+@pytest.fixture
+def looked(weights, tmp_path):
+    """An evaluation of one scene that is in its folder already, so that nothing is drawn."""
+    mine, out = tmp_path / "mine.onnx", tmp_path / "out"
+    mine.write_bytes(Path(weights).read_bytes())
+    out.mkdir()
+    (out / "scenes.jsonl").write_text(scene(0, 355.0, TARGET, (*TARGET, 0.9)).to_json() + "\n")
+    return EvaluateArguments(str(mine), "ship", count=1, frames=2, out=out, threads=1)
+
+
+def test_scenes_that_another_detector_or_configuration_made_are_not_taken(looked, tmp_path):
+    evaluate(looked)
+    config = tmp_path / "mine.toml"
+    config.write_text("[evaluate]\nship_range_m = [15.0, 360.0]\n")
+    with pytest.raises(DataError, match="choose another folder"):
+        evaluate(replace(looked, config=config))
+    layers = yolov3_layers(1, 0.125)
+    _, spec = read_onnx(Path(looked.weights), layers)
+    write_onnx(Path(looked.weights), layers, random_weights(layers, np.random.default_rng(2)), spec)
+    with pytest.raises(DataError, match="choose another folder"):
+        evaluate(looked)
+
+
+def test_the_farthest_scenes_have_a_bin(looked, tmp_path):
+    config = tmp_path / "mine.toml"
+    config.write_text("[evaluate]\nship_range_m = [15.0, 360.0]\n")
+    bins = evaluate(replace(looked, config=config)).tables["all"].bins
+    assert (bins[-1].high_m, bins[-1].scenes) == (375.0, 1)
+
+
+@pytest.mark.parametrize("confidence", [0.01, 2.0, float("nan")])
+def test_a_confidence_that_no_box_is_kept_for_is_refused(looked, confidence):
+    with pytest.raises(ConfigError, match=r"confidence .*0\.05 … 1"):
+        evaluate(replace(looked, confidence=confidence))
+
+
+def test_a_set_may_tell_ranges_alone(weights, tmp_path):
+    folder = tmp_path / "set"
+    folder.mkdir()
+    cv2.imwrite(str(folder / "a.png"), np.zeros((64, 64, 3), np.uint8))
+    (folder / "a.txt").write_text("0 0.5 0.5 0.2 0.2\n")
+    (folder / "scenes.jsonl").write_text('{"file": "a.png", "range_m": 30.0}\n')
+    found = evaluate(EvaluateArguments(weights, data=folder, classes=("ship",), out=tmp_path / "out", threads=1))
+    assert {name: table.scenes for name, table in found.tables.items()} == {"all": 1}

@@ -84,6 +84,7 @@ def test_a_flight_that_never_comes_near_is_refused_in_one_line():
         ({"action": "stick"}, "action='stick': expected one of residual, direct"),
         ({"reach": 1.0}, "LastPhaseEnv: unknown key 'reach'; did you mean 'reach_m'"),
         ({"bound_mps2": 99.0}, "bound_mps2"),
+        ({"bound_mps2": "half"}, "bound_mps2"),
         ({"overrides": {"aircraft.loop.kind": "velocity"}}, "attitude"),
     ],
 )

@@ -118,3 +118,9 @@ def test_of_one_sequence_a_stretch_is_held_out_with_a_warning(make):
 def test_drawn_pictures_need_no_days(make):
     parts = split(make([f"ship-1-{number:06d}.png" for number in range(20)], scene={"range_m": 9.0}), 0.2, 3)
     assert (len(parts.held_out.samples), parts.warning) == (4, "")
+
+
+def test_something_is_always_left_to_train_on(make):
+    """Days of 6, 4 and 4 pictures, nine wanted: two days may be held out, all three may not."""
+    days = [f"2024050{day}_{number}.png" for day, count in ((1, 6), (2, 4), (3, 4)) for number in range(count)]
+    assert all(split(make(days), 0.7, seed).fitting.samples for seed in range(6))

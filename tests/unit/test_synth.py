@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shipland.errors import DataError
+from shipland.errors import ConfigError, DataError
 from shipland.learning.arguments import SynthArguments
 from shipland.learning.dataset import read_dataset
 from shipland.learning.sensor import degrade, motion_kernel
@@ -53,6 +53,30 @@ def test_other_arguments_are_refused(made, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(DataError, match="is not empty"):
         synth(SynthArguments(tmp_path, "bar", count=1))
+
+
+def test_a_smaller_count_takes_nothing_away(made):
+    before = files(made)
+    synth(SynthArguments(made, "ship", count=2, seed=3, crop_px=96))
+    assert files(made) == before
+
+
+def test_another_configuration_is_refused_in_the_same_folder(made, tmp_path):
+    config = tmp_path / "mine.toml"
+    config.write_text("[synth]\nbirds = 3.0\n")
+    with pytest.raises(DataError, match="choose another folder"):
+        synth(SynthArguments(made, "ship", count=6, seed=3, crop_px=96, config=config))
+
+
+def test_a_set_without_a_picture_is_told_as_one(tmp_path):
+    synth(SynthArguments(tmp_path / "none", "ship", count=3, minutes=1e-9))
+    with pytest.raises(DataError, match="holds no picture"):
+        read_dataset(tmp_path / "none")
+
+
+def test_a_window_larger_than_the_picture_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match=r"--crop-px must be 1280 or less"):
+        synth(SynthArguments(tmp_path / "set", "ship", count=1, crop_px=40_000))
 
 
 @pytest.mark.parametrize("kind", ["ship", "bar"])
@@ -119,6 +143,12 @@ def test_empty_scene_has_no_ship_in_sight(rig, camera):
     assert len(empties) > 5
     for shot in empties:
         assert target_box("ship", shot.at(0.0, rig), camera, rig, 0.001, 0.0) is None
+
+
+def test_an_edge_wider_than_the_picture_leaves_its_middle(rig, camera):
+    parameters = replace(synth_parameters(None), edge_px=900.0)
+    light, _ = draw_scene(0, parameters, 4)
+    assert draw_shot(1, "ship", light, camera, rig, parameters, 4).range_m > 0.0
 
 
 def test_sensor_repeats_itself_but_for_the_grain():

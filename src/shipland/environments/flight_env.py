@@ -156,6 +156,13 @@ class FlightEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]], Generic[Seen]):
     flight's seed from the generator that the last one seeded.
 
     **Rendering**: with the `render_mode` `rgb_array`, `render` gives the flight as it is now, from two sides.
+
+    Args:
+        scenario: a packaged name, the path of a TOML file, a merged table or a scenario.
+        overrides: sections or dotted keys laid over it, as `load_scenario` takes them.
+        vision: `geometric`, `rendered` (drawn pictures through the whole vision), or your own.
+        render_mode: `rgb_array` or None.
+        unknown: arguments that are refused; the nearest one is named.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 30}  # noqa: RUF012 - as the base class has it

@@ -35,15 +35,11 @@ class LandingEnv(FlightEnv[Seen]):
     the other by name, which `gymnasium.spaces.unflatten(env.unwrapped.entries, observation)` takes apart again.
 
     Args:
-        scenario: a packaged name, the path of a TOML file, a merged table or a scenario.
-        overrides: sections or dotted keys laid over it, as `load_scenario` takes them.
-        vision: `geometric`, `rendered` (drawn pictures through the whole vision), or your own.
+        scenario, overrides, vision, render_mode, **unknown: as in `FlightEnv`.
         action: `sticks` or `residual`.
         pilot: of the residual, as `factories.resolve` takes it.
         bound: of the residual, as a share of the full stick: one for all or four.
         observation: `dict` or `flat`.
-        render_mode: as in `FlightEnv`.
-        **unknown: refused; the nearest argument is named.
 
     Raises:
         ShiplandError: one of them is wrong; it says which.

@@ -58,14 +58,11 @@ class LastPhaseEnv(FlightEnv[Seen]):
     pilot's estimate at its command's effect, never the truth.
 
     Args:
-        scenario: a packaged name, the path of a TOML file, a merged table or a scenario; sticks must mean a tilt.
-        overrides: sections or dotted keys laid over it and over `START`.
-        vision: `geometric`, `rendered`, or your own.
+        scenario, overrides, vision, render_mode, **unknown: as in `FlightEnv`; sticks must mean a tilt, and the
+            overrides are laid over `START` too.
         action: `residual` or `direct`.
         bound_mps2: input of an action of 1; default 0.5 residual, 4 direct.
         reach_m: farther from the landing point than this the pilot flies alone.
-        render_mode: as in `FlightEnv`.
-        **unknown: refused; the nearest argument is named.
 
     Raises:
         ShiplandError: one of them is wrong; it says which.
@@ -87,8 +84,8 @@ class LastPhaseEnv(FlightEnv[Seen]):
         super().__init__(scenario, START | dict(overrides or {}), vision, render_mode, unknown)
         try:
             self.action = Action(action, default_bound_mps2(action) if bound_mps2 is None else bound_mps2, reach_m)
-        except ValueError as error:
-            raise ConfigError(str(error)) from None
+        except (TypeError, ValueError) as error:
+            raise ConfigError(f"bound_mps2={bound_mps2!r}, reach_m={reach_m!r}: {error}") from None
         kind = self.scenario.aircraft.loop.kind
         if kind != "attitude":
             raise ConfigError(f"policies steer sticks of the kind 'attitude', not {kind!r} (aircraft.loop.kind)")

@@ -91,6 +91,12 @@ def load_checkpoint(path: Path) -> tuple[Tensors, DetectorSpec, Progress]:
         raise DataError(f"checkpoint {path} is damaged: its progress cannot be read: {error}") from None
 
 
+def check_begun(last: Path, *, resume: bool) -> None:
+    """DataError where a run's checkpoint is there that is not to be resumed."""
+    if last.exists() and not resume:
+        raise DataError(f"{last} is there already: give --resume to go on with it, or another folder")
+
+
 def check_resumable(last: Path, begun: Mapping[str, str], wanted: Mapping[str, str]) -> None:
     """DataError where a run was begun with another value than is wanted."""
     for name, value in wanted.items():

@@ -79,11 +79,10 @@ def read_dataset(folder: Path, classes: Sequence[str] | None = None) -> Dataset:
         images = labels = folder
     elif not labels.is_dir():
         raise DataError(f"data set {folder} has images/ but no labels/")
-    scenes = read_scenes(folder)
     paths = sorted(path for path in images.iterdir() if path.suffix.lower() in PICTURE_SUFFIXES)
     if not paths:
         raise DataError(f"data set {folder} holds no picture in {images}")
-    names = _class_names(folder, classes)
+    scenes, names = read_scenes(folder), tuple(classes or _class_names(folder))
     samples: list[Sample] = []
     faults: list[DataError] = []
     for path in paths:
@@ -99,14 +98,17 @@ def read_dataset(folder: Path, classes: Sequence[str] | None = None) -> Dataset:
     return Dataset(folder, names, tuple(samples))
 
 
-def _class_names(folder: Path, classes: Sequence[str] | None) -> tuple[str, ...]:
-    """The names given, else those of classes.txt or data.yaml, in the set's folder or above it."""
-    if classes:
-        return tuple(classes)
+def _text(path: Path) -> str:
+    """A file's text; the byte-order mark that some editors write is no part of it."""
+    return read_text(path).removeprefix("\ufeff")
+
+
+def _class_names(folder: Path) -> list[str]:
+    """The names that classes.txt or data.yaml has, in the set's folder or above it."""
     for place in (folder, folder.resolve().parent):
         listed = place / "classes.txt"
         if listed.is_file():
-            names = tuple(line.strip() for line in read_text(listed).splitlines() if line.strip())
+            names = [line.strip() for line in _text(listed).splitlines() if line.strip()]
             if not names:
                 raise DataError(f"{listed} names no class")
             return names
@@ -119,18 +121,22 @@ def _class_names(folder: Path, classes: Sequence[str] | None) -> tuple[str, ...]
     )
 
 
-def yaml_names(path: Path) -> tuple[str, ...]:
+def yaml_names(path: Path) -> list[str]:
     """The `names` of a data.yaml as labelling tools export it: a list in brackets, a list of lines, or `0: name`."""
-    text = read_text(path)
-    match = re.search(r"^names:[ \t]*(\[[^\]]*\]|\{[^}]*\}|(?:\s*\n[ \t]*(?:- *|\d+ *:).*)+)", text, re.MULTILINE)
+    form = r"^names:[ \t]*(\[[^\]]*\]|\{[^}]*\}|(?:\s*\n[ \t]*(?:- *|\d+ *:).*)+)"
+    match = re.search(form, _text(path), re.MULTILINE)
     body = "" if match is None else match[1].strip()
     items = body[1:-1].split(",") if body[:1] in ("[", "{") else body.splitlines()
     plain = [re.sub(r"\s+#.*$", "", item).strip() for item in items]
-    bare = [re.sub(r"^(-\s*|\d+\s*:\s*)", "", item).strip().strip("'\"") for item in plain]
-    names = tuple(name for name in bare if name)
+    names: dict[int, str] = {}
+    for number, name in re.findall(r"^(?:-\s*|(\d+)\s*:\s*)?(.+)$", "\n".join(plain), re.MULTILINE):
+        names[int(number or len(names))] = name.strip().strip("'\"")
     if not names:
         raise DataError(f"{path} has no list 'names' of classes: write classes.txt, one name a line")
-    return names
+    if sorted(names) != [*range(len(names))]:
+        there, wanted = (", ".join(map(str, numbers)) for numbers in (sorted(names), range(len(names))))
+        raise DataError(f"{path} numbers its classes {there}; expected {wanted}")
+    return [names[number] for number in sorted(names)]
 
 
 def read_scenes(folder: Path) -> dict[str, dict[str, Any]]:
@@ -139,25 +145,24 @@ def read_scenes(folder: Path) -> dict[str, dict[str, Any]]:
     if not path.is_file():
         return {}
     scenes: dict[str, dict[str, Any]] = {}
-    for number, line in enumerate(read_text(path).splitlines(), 1):
+    for number, line in enumerate(_text(path).splitlines(), 1):
         try:
             scene = json_of(line)
             scenes[scene["file"]] = scene
         except (KeyError, TypeError, ValueError):
             raise DataError(f"{path}, line {number}: expected a JSON object with a key 'file'") from None
+        for key in ("range_m", "visibility_m", "decoys"):
+            if not isinstance(scene.get(key, 0), int | float):
+                raise DataError(f"{path}, line {number}: expected a number as {key}, got {scene[key]!r}")
     return scenes
 
 
 def read_label(path: Path, picture: Path, class_count: int) -> Targets:
     """Boxes (n,5) of one label file, fractions of the picture; DataError names the file and line."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise DataError(f"picture {picture} has no label: expected {path} (empty if it shows no target)") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"label {path} cannot be read: {error}") from None
+    if not path.exists():
+        raise DataError(f"picture {picture} has no label: expected {path} (empty if it shows no target)")
     rows = []
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(_text(path).splitlines(), 1):
         if not line.strip():
             continue
         where = f"label {path}, line {number}"

@@ -18,7 +18,7 @@ from shipland.frames import Array, Pose
 from shipland.sim.scene.tone import Light16, encoded
 
 DecoyKind = Literal["vessel", "buoy", "bird", "green"]
-Part = tuple[Array, tuple[float, float, float]]
+Part = tuple[Array, Array]
 """A polygon (n,2) (right, up) [m] from the foot's middle, and its colour BGR, display values 0 … 255."""
 
 SUPERSAMPLING = 6
@@ -108,13 +108,17 @@ def _colour(rng: np.random.Generator) -> Array:
     return rng.uniform(15.0, 230.0, 3)
 
 
-def _shade(colour: Array, factor: float) -> tuple[float, float, float]:
-    b, g, r = np.clip(colour * factor, 0.0, 255.0)
-    return float(b), float(g), float(r)
+def _shade(colour: Array, factor: float) -> Array:
+    return np.clip(colour * factor, 0.0, 255.0)
 
 
 def _rectangle(left: float, right: float, low: float, high: float) -> Array:
     return np.array([(left, low), (right, low), (right, high), (left, high)])
+
+
+def _disc(radius: float, up: float) -> Array:
+    turn = np.linspace(0.0, 2.0 * np.pi, 16)
+    return np.column_stack([radius * np.cos(turn), up + radius * np.sin(turn)])
 
 
 def _vessel(length_m: float, rng: np.random.Generator) -> list[Part]:
@@ -153,14 +157,9 @@ def _buoy(height_m: float, rng: np.random.Generator) -> list[Part]:
     colours = [(40, 40, 210), (50, 160, 40), (30, 210, 240), (30, 30, 30), (40, 120, 245), (225, 225, 225)]
     colour = np.array(colours[rng.integers(6)], float)
     wide = height_m * rng.uniform(0.12, 0.6)
-    form = rng.integers(3)
-    if form == 0:
-        outline = np.array([(-wide / 2, 0.0), (wide / 2, 0.0), (0.06 * wide, height_m), (-0.06 * wide, height_m)])
-    elif form == 1:
-        outline = _rectangle(-wide / 2, wide / 2, 0.0, height_m)
-    else:
-        turn = np.linspace(0.0, 2.0 * np.pi, 16)
-        outline = np.column_stack([0.5 * height_m * np.cos(turn), 0.4 * height_m + 0.5 * height_m * np.sin(turn)])
+    cone = np.array([(-wide / 2, 0.0), (wide / 2, 0.0), (0.06 * wide, height_m), (-0.06 * wide, height_m)])
+    can, sphere = _rectangle(-wide / 2, wide / 2, 0.0, height_m), _disc(0.5 * height_m, 0.4 * height_m)
+    outline = (cone, can, sphere)[rng.integers(3)]
     parts: list[Part] = [(outline, _shade(colour, rng.uniform(0.6, 1.0)))]
     if rng.random() < 0.4:
         parts.append((_rectangle(-wide / 2, wide / 2, 0.35 * height_m, 0.6 * height_m), _shade(_colour(rng), 1.0)))
@@ -184,25 +183,19 @@ def _green(width_m: float, rng: np.random.Generator) -> list[Part]:
     shade = _shade(green, rng.uniform(0.5, 1.0))
     tall = width_m * rng.uniform(0.2, 1.5)
     low = rng.uniform(0.0, 1.5)
-    form = rng.integers(4)
+    half = width_m / 2
+    shapes = (
+        [_rectangle(-half, half, low, low + tall)],
+        [_rectangle(-half, half, low, low + 0.35 * tall), _rectangle(-half, half, low + 0.65 * tall, low + tall)],
+        [_disc(half, low + half)],
+        [_rectangle(left * width_m, (left + 0.2) * width_m, low, low + tall) for left in (-0.5, -0.1, 0.3)],
+    )[rng.integers(4)]
     parts: list[Part] = []
     if rng.random() < 0.5:
         margin = 0.4 * width_m
-        board = _rectangle(-width_m / 2 - margin, width_m / 2 + margin, 0.0, low + tall + margin)
+        board = _rectangle(-half - margin, half + margin, 0.0, low + tall + margin)
         parts.append((board, _shade(_colour(rng), 0.9)))
-    if form == 0:
-        parts.append((_rectangle(-width_m / 2, width_m / 2, low, low + tall), shade))
-    elif form == 1:
-        parts.append((_rectangle(-width_m / 2, width_m / 2, low, low + 0.35 * tall), shade))
-        parts.append((_rectangle(-width_m / 2, width_m / 2, low + 0.65 * tall, low + tall), shade))
-    elif form == 2:
-        turn = np.linspace(0.0, 2.0 * np.pi, 16)
-        disc = 0.5 * width_m * np.column_stack([np.cos(turn), np.sin(turn)]) + [0.0, low + 0.5 * width_m]
-        parts.append((disc, shade))
-    else:
-        thirds = [_rectangle(left * width_m, (left + 0.2) * width_m, low, low + tall) for left in (-0.5, -0.1, 0.3)]
-        parts += [(third, shade) for third in thirds]
-    return parts
+    return parts + [(shape, shade) for shape in shapes]
 
 
 def _paint_one(light: Light16, parts: list[Part], left: float, air: Array, strength: float) -> None:
@@ -220,7 +213,8 @@ def _paint_one(light: Light16, parts: list[Part], left: float, air: Array, stren
     for outline, colour in parts:
         # Pixel centres at whole numbers; OpenCV's shift takes 1/16 px.
         points = np.round(16.0 * ((outline + 0.5 - low) * fine - 0.5)).astype(np.int32)
-        cv2.fillPoly(layer, [points], (*_light_of(colour), 65535.0), cv2.LINE_8, 4)
+        shown = encoded((colour / 255.0) ** 2.2)  # light that is shown as about this colour
+        cv2.fillPoly(layer, [points], (*shown.tolist(), 65535.0), cv2.LINE_8, 4)
     small = cv2.resize(layer, (int(columns), int(rows)), interpolation=cv2.INTER_AREA).astype(np.float32)
     if strength < 1.0:
         small = strength * cv2.GaussianBlur(small, (0, 0), sigmaX=0.5, sigmaY=max(0.12 * rows, 0.5))
@@ -228,8 +222,3 @@ def _paint_one(light: Light16, parts: list[Part], left: float, air: Array, stren
     paint_bgr = small[..., :3] * left + cover * air * (1.0 - left)
     area = light[low[1] : high[1], low[0] : high[0]]
     area[:] = np.clip(area * (1.0 - cover) + paint_bgr + 0.5, 0, 65535).astype(np.uint16)
-
-
-def _light_of(colour: tuple[float, float, float]) -> list[float]:
-    """Values of a picture of light that are shown as about this display colour 0 … 255."""
-    return [float(value) for value in encoded((np.array(colour) / 255.0) ** 2.2)]

@@ -7,8 +7,10 @@ known, so an interrupted run is resumed by the same command.
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import json
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
@@ -19,23 +21,42 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.config import build, key, parameters, require
-from shipland.errors import DataError
+from shipland.errors import ConfigError, DataError
 from shipland.figures import drawn
 from shipland.files import claim, read_text, write_atomically
 from shipland.learning.arguments import EvaluateArguments
 from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.looks import LEAST_CONFIDENCE, Look, edges_of, looks_at
 from shipland.learning.metrics import COCO_IOUS, Tally
-from shipland.learning.ranges import BoxRow, RangeBin, RangeTable, SceneRecord, SureBox, markdown, range_table, summary
+from shipland.learning.ranges import (
+    BoxRow,
+    RangeBin,
+    RangeTable,
+    SceneRecord,
+    SureBox,
+    hits,
+    markdown,
+    range_table,
+    summary,
+)
+from shipland.learning.sensor import Span
 from shipland.learning.shot import PACKAGED, ShipAndCamera, Shot
-from shipland.learning.shots import Span, SynthParameters, draw_scene, draw_shot
-from shipland.learning.synth import FRAME_S, compressed, draw, in_workers, jpeg_quality, synth_parameters
+from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
+from shipland.learning.synth import (
+    FRAME_S,
+    asked_of,
+    centred,
+    compressed,
+    draw,
+    in_workers,
+    jpeg_quality,
+    synth_parameters,
+)
 from shipland.messages import Box, Frame, GimbalAttitude
 from shipland.progress import followed
 from shipland.rig import Rig
 from shipland.sim.scene.scene import Scene
-from shipland.sim.state import NearestBox, target_box
-from shipland.vision.far.decode import iou
+from shipland.sim.state import target_box
 from shipland.vision.far.detector import Detector
 from shipland.vision.far.far import FarVision
 from shipland.vision.parameters import DetectorParameters, detector_parameters, learning_table
@@ -43,7 +64,7 @@ from shipland.vision.pictures import Picture
 
 BAROMETER_M = 0.7
 """Error of the camera's height, of one scene: drift, and a take-off point above the water. Chosen."""
-_LEAST_SEEN = 0.01
+_LEAST_SEEN, _LEAST_OVERLAP = 0.01, 1e-12
 
 
 @parameters
@@ -116,6 +137,8 @@ def evaluate(arguments: EvaluateArguments, drawn: ShipAndCamera = PACKAGED) -> E
     settings = replace(settings, runtime=arguments.runtime, precision=arguments.precision, threads=arguments.threads)
     parameters = build(EvaluateParameters, learning_table("evaluate", arguments.config), "evaluate")
     confidence = settings.acquire_confidence if arguments.confidence is None else arguments.confidence
+    if not LEAST_CONFIDENCE <= confidence <= 1.0:
+        raise ConfigError(f"the confidence must be in {LEAST_CONFIDENCE:g} … 1, got {confidence:g}")
     tally, strict = Tally(parameters.match_iou), [Tally(overlap) for overlap in COCO_IOUS]
     looks: tuple[Look, ...] = ()
     if arguments.data is not None:
@@ -164,7 +187,7 @@ def _tables(
     ship = arguments.kind == "ship"
     span = parameters.ship_range_m if ship else parameters.bar_range_m
     step_m = parameters.ship_bin_m if ship else parameters.bar_bin_m
-    edges = np.arange(step_m * np.floor(span[0] / step_m), span[1] + 0.5 * step_m, step_m).tolist()
+    edges = [step_m * number for number in range(int(span[0] // step_m), math.ceil(span[1] / step_m) + 1)]
     limit_m = parameters.hazy_below_m
     parts = {
         "all": known,
@@ -202,8 +225,9 @@ def _record(number: int, look: Look) -> SceneRecord | None:
         return None
     target: BoxRow | None = tuple(look.targets[0, 1:5].tolist()) if len(look.targets) else None
     sure = tuple((*row, score) for row, score in zip(look.boxes.tolist(), look.scores.tolist(), strict=True))
-    scene = look.scene
-    return SceneRecord(number, scene["range_m"], scene["visibility_m"], scene["decoys"], target, sure)
+    # What is not known of a picture counts neither as clear air nor as haze, nor as without decoys.
+    visibility_m, decoys = look.scene.get("visibility_m", math.nan), look.scene.get("decoys", -1)
+    return SceneRecord(number, look.scene["range_m"], visibility_m, decoys, target, sure)
 
 
 def fresh_scenes(parameters: EvaluateParameters, config: Path | None = None) -> SynthParameters:
@@ -248,6 +272,9 @@ def _claim(arguments: EvaluateArguments, drawn: ShipAndCamera) -> dict[int, Scen
     out = arguments.out
     wanted: dict[str, object] = {"weights": arguments.weights or arguments.kind}
     wanted |= {name: getattr(arguments, name) for name in ("kind", "seed", "frames")} | drawn.note()
+    wanted |= asked_of(arguments.config, "detector", "synth", "evaluate")
+    if arguments.weights is not None and (file := Path(arguments.weights)).is_file():
+        wanted["sha256"] = hashlib.sha256(file.read_bytes()).hexdigest()
     claim(out / "evaluate.json", wanted, "an evaluation")
     lines = out / "scenes.jsonl"
     if not lines.is_file():
@@ -313,20 +340,21 @@ def _look(
         t_s = FRAME_S * number
         drawn, edges = draw(shot, t_s, scene, camera, rig, synth)
         picture = compressed(drawn, quality)
-        target = None if edges is None else _row(edges)
-        partly = None
+        target = None if edges is None else centred(edges)
+        partly: BoxRow | None = None
         if target is None and not shot.empty:
             # What is cut off by the picture's edge, or seen too flat, is neither a target nor counted as false.
-            partly = target_box(shot.kind, shot.at(t_s, rig), camera, rig, _LEAST_SEEN, 0.0)
+            cut = target_box(shot.kind, shot.at(t_s, rig), camera, rig, _LEAST_SEEN, 0.0)
+            partly = None if cut is None else centred(cut)
         targets.append(target)
         if number == 0 or arguments.keep_boxes:
             rows = map(edges_of, detector.detect(picture, LEAST_CONFIDENCE))
-            found.append(tuple(row for row in rows if not _over(row, partly)))
+            found.append(tuple(row for row in rows if not hits(row, partly, _LEAST_OVERLAP)))
         gimbal = GimbalAttitude(shot.roll_rad, shot.pitch_rad)
         seen = far.see(Frame(t_s, picture, gimbal, heights_m[number]))
         box = seen.ship_box if shot.kind == "ship" else seen.bar_box
         row = None if box is None else edges_of(box)
-        believed.append(None if row is None or _over(row, partly) else row)
+        believed.append(None if row is None or hits(row, partly, _LEAST_OVERLAP) else row)
     pairs, kept = tuple(zip(targets, believed, strict=True)), tuple(found) if arguments.keep_boxes else ()
     angles, decoys = (shot.roll_rad, shot.pitch_rad), len(shot.decoys)
     return SceneRecord(
@@ -339,17 +367,6 @@ def reported_heights_m(shot: Shot, frames: int) -> tuple[float, ...]:
     error_m = BAROMETER_M * float(np.random.default_rng([shot.sensor_seed, 4]).standard_normal())
     up_m, climb_mps = -float(shot.position_in_ned_m[2]), -float(shot.velocity_in_ned_mps[2])
     return tuple(round(up_m + climb_mps * FRAME_S * number + error_m, 3) for number in range(frames))
-
-
-def _row(edges: NearestBox) -> BoxRow:
-    left, top, right, bottom = edges
-    return (0.5 * (left + right), 0.5 * (top + bottom), right - left, bottom - top)
-
-
-def _over(box: SureBox, edges: NearestBox | None) -> bool:
-    if edges is None:
-        return False
-    return bool(iou(np.array([box[:4]], float), np.array([_row(edges)], float))[0, 0] > 0.0)
 
 
 def plot_recall(path: Path, tables: dict[str, RangeTable], kind: str) -> None:
@@ -377,4 +394,5 @@ def plot_recall(path: Path, tables: dict[str, RangeTable], kind: str) -> None:
         limits = {"recall": 1.02, "precision": 1.02, "error of the box": None}
         for axes, (what, most) in zip((left, centre, right), limits.items(), strict=True):
             axes.set(xlabel=f"range of the {kind} [m]", ylabel=what, ylim=(0.0, most))
-            axes.legend(frameon=False, fontsize=8)
+            if axes.get_legend_handles_labels()[0]:
+                axes.legend(frameon=False, fontsize=8)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -86,20 +86,30 @@ def onnx_bytes(layers: Sequence[Layer], weights: Sequence[ConvWeights], spec: De
         names.append(value if isinstance(layer, Head) else name)
         value = names[-1]
     channels = 3 * (5 + len(spec.classes))
-    float32 = onnx.TensorProto.FLOAT
-    graph = helper.make_graph(
-        nodes,
-        "yolov3",
-        [helper.make_tensor_value_info(INPUT_NAME, float32, [1, 3, "height", "width"])],
-        [
-            helper.make_tensor_value_info(outputs[scale], float32, [1, channels, f"rows{scale}", f"columns{scale}"])
-            for scale in sorted(outputs)
-        ],
-        constants,
+    entering = {INPUT_NAME: [1, 3, "height", "width"]}
+    leaving = {outputs[scale]: [1, channels, f"rows{scale}", f"columns{scale}"] for scale in sorted(outputs)}
+    return model_bytes("yolov3", nodes, entering, leaving, constants, {METADATA_KEY: spec.to_json()})
+
+
+def model_bytes(
+    name: str,
+    nodes: Sequence[Any],
+    entering: Mapping[str, Sequence[object]],
+    leaving: Mapping[str, Sequence[object]],
+    constants: Sequence[Any],
+    about: Mapping[str, str],
+) -> bytes:
+    """A checked ONNX file of a graph: shapes of what enters and leaves it, by name, and its metadata."""
+    onnx = _onnx()
+    helper = onnx.helper
+    ends = (
+        [helper.make_tensor_value_info(end, onnx.TensorProto.FLOAT, shape) for end, shape in shapes.items()]
+        for shapes in (entering, leaving)
     )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], producer_name="shipland")
-    model.ir_version = IR_VERSION
-    helper.set_model_props(model, {METADATA_KEY: spec.to_json()})
+    graph = helper.make_graph(nodes, name, *ends, constants)
+    opset = [helper.make_opsetid("", OPSET)]
+    model = helper.make_model(graph, opset_imports=opset, ir_version=IR_VERSION, producer_name="shipland")
+    helper.set_model_props(model, about)
     onnx.checker.check_model(model)
     return bytes(model.SerializeToString())
 

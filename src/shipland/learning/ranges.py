@@ -187,24 +187,26 @@ def _bin(low_m: float, high_m: float, records: list[SceneRecord], confidence: fl
     off = np.array([np.hypot(box[0] - target[0], box[1] - target[1]) for target, box in found])
     ratio = np.array([box[2] * box[3] / (target[2] * target[3]) - 1.0 for target, box in found])
     nan = float("nan")
-    confirmed_low, confirmed_high = share_interval(confirmed, len(tracked), "wilson")
     return RangeBin(
         low_m,
         high_m,
         len(seen),
-        len(found) / len(seen) if seen else nan,
+        _share(len(found), len(seen)),
         *share_interval(len(found), len(seen), "wilson"),
-        precision=len(found) / (len(found) + false) if found or false else nan,
-        confirmed=confirmed / len(tracked) if tracked else nan,
-        confirmed_low=confirmed_low,
-        confirmed_high=confirmed_high,
-        believed_precision=right / len(believed) if believed else nan,
+        _share(len(found), len(found) + false),
+        _share(confirmed, len(tracked)),
+        *share_interval(confirmed, len(tracked), "wilson"),
+        _share(right, len(believed)),
         width_px=float(np.median([record.target[2] for record in seen if record.target])) if seen else nan,
         centre_px=float(np.median(off)) if len(off) else nan,
         centre_95_px=float(np.percentile(off, 95)) if len(off) else nan,
         area_bias=float(np.median(ratio)) if len(ratio) else nan,
         area_std=float(0.5 * np.diff(np.percentile(ratio, [16, 84]))[0]) if len(ratio) else nan,
     )
+
+
+def _share(count: int, of: int) -> float:
+    return count / of if of else float("nan")
 
 
 def _reach(bins: Sequence[RangeBin], recall: float) -> float:
@@ -259,20 +261,16 @@ def markdown(table: RangeTable) -> str:
     for item in table.bins:
         if not item.scenes:
             continue
+        interval = "" if np.isnan(item.confirmed) else f" ({item.confirmed_low:.2f}–{item.confirmed_high:.2f})"
+        confirmed = f"{_number(item.confirmed, '.3f')}{interval}"
         lines.append(
             f"| {item.low_m:g}–{item.high_m:g} | {item.scenes} | {item.width_px:.0f} | "
             f"{item.recall:.3f} ({item.recall_low:.2f}–{item.recall_high:.2f}) | {_number(item.precision, '.3f')} | "
-            f"{_confirmed(item)} | {_number(item.believed_precision, '.3f')} | "
+            f"{confirmed} | {_number(item.believed_precision, '.3f')} | "
             f"{_number(item.centre_px, '.2f')} / {_number(item.centre_95_px, '.2f')} | "
             f"{_number(100.0 * item.area_bias, '+.0f')} ± {_number(100.0 * item.area_std, '.0f')} % |"
         )
     return "\n".join(lines)
-
-
-def _confirmed(item: RangeBin) -> str:
-    if np.isnan(item.confirmed):
-        return "–"
-    return f"{item.confirmed:.3f} ({item.confirmed_low:.2f}–{item.confirmed_high:.2f})"
 
 
 def _number(value: float, form: str) -> str:

@@ -14,32 +14,41 @@ from shipland.sim.scene.tone import Light16, develop, encoded, sharpen
 from shipland.sim.scene_parameters import Tone
 from shipland.vision.pictures import Picture
 
+Span = tuple[float, float]
+
+
+def require_spans(of: object) -> None:
+    """ValueError where a pair of numbers that are drawn between has the larger one first."""
+    for name, value in vars(of).items():
+        require(not isinstance(value, tuple) or value[0] <= value[1], f"{name} must be two numbers, the smaller first")
+
 
 @parameters
 class ImageSensorParameters:
     """Ranges that are drawn from (`[synth.sensor]`)."""
 
-    defocus_max_px: float = key(0.9, "standard deviation of a Gaussian blur")
+    defocus_max_px: float = key(0.9, "standard deviation of a Gaussian blur", ge=0)
     motion: float = key(0.2, "chance of motion blur", ge=0, le=1)
     motion_max_px: float = key(5.0, "its largest length")
     glare: float = key(0.2, "chance of veiling glare", ge=0, le=1)
-    glare_max: float = key(0.25, "its most light, in units of the sensor's saturation")
-    exposure_ev: float = key(0.35, "half-width of a uniform change of exposure, in powers of two")
-    cast: float = key(0.06, "half-width of a uniform factor on each colour")
-    gamma: tuple[float, float] = key(
-        (1.8, 2.6), "range of the tone curve's, see `Tone`", "cameras' curves differ by more than their makers say"
-    )
-    contrast: tuple[float, float] = key((0.0, 0.6), "range, see `Tone`")
-    shoulder: tuple[float, float] = key((0.0, 0.5), "range, see `Tone`")
-    sharpened: float = key(0.6, "chance of sharpening")
-    sharpening_max: float = key(1.2, "its largest strength, of an unsharp mask")
-    noise_max: float = key(5.0, "grey levels, standard deviation")
-    vignette_max: float = key(0.25, "loss of light in the corners, 0 … 1")
+    glare_max: float = key(0.25, "its most light, in units of the sensor's saturation", ge=0)
+    exposure_ev: float = key(0.35, "half-width of a uniform change of exposure, in powers of two", ge=0)
+    cast: float = key(0.06, "half-width of a uniform factor on each colour", ge=0, lt=1)
+    gamma: Span = key((1.8, 2.6), "range, see `Tone`", "cameras' curves differ by more than their makers say")
+    contrast: Span = key((0.0, 0.6), "range, see `Tone`")
+    shoulder: Span = key((0.0, 0.5), "range, see `Tone`")
+    sharpened: float = key(0.6, "chance of sharpening", ge=0, le=1)
+    sharpening_max: float = key(1.2, "its largest strength, of an unsharp mask", ge=0)
+    noise_max: float = key(5.0, "grey levels, standard deviation; the least is 0.5", ge=0.5)
+    vignette_max: float = key(0.25, "loss of light in the corners", ge=0, le=1)
     quality_min: int = key(35, "of JPEG compression", "a video link of a few Mbit/s", ge=1)
     quality_max: int = key(95, "of JPEG compression", le=100)
 
     def __post_init__(self) -> None:
-        require(1 <= self.quality_min <= self.quality_max <= 100, "qualities must lie in 1 … 100, min ≤ max")
+        require(self.quality_min <= self.quality_max, "quality_min must be at most quality_max")
+        require_spans(self)
+        for end in (0, 1):
+            Tone(self.gamma[end], self.contrast[end], self.shoulder[end], self.sharpening_max)  # checks them
 
 
 def degrade(

@@ -16,9 +16,7 @@ class AugmentParameters:
 
     scale_min: float = key(0.75, "least of a log-uniform zoom; 1 keeps the picture's own pixels", gt=0)
     scale_max: float = key(1.3, "largest zoom")
-    fit: bool = key(
-        False, "first scale the picture so that it just fits the window (for targets that fill the picture)"
-    )
+    fit: bool = key(False, "first scale the picture so that it just fits the window (for targets that fill it)")
     on_target: float = key(0.7, "chance that a window is laid over a target, where the picture has one", ge=0, le=1)
     mosaic: float = key(0.25, "chance of a window made from four", ge=0, le=1)
     mirror: float = key(0.5, "chance of a left-right mirror image", ge=0, le=1)
@@ -35,9 +33,7 @@ class AugmentParameters:
     noise: float = key(0.3, "chance of Gaussian noise", ge=0, le=1)
     noise_max: float = key(6.0, "its largest standard deviation, in grey levels")
     min_side_px: float = key(4.0, "a target whose longer side is shorter is ignored by the loss")
-    min_visible: float = key(
-        0.4, "a target of which a smaller part lies in the window is ignored by the loss", ge=0, le=1
-    )
+    min_visible: float = key(0.4, "a target of which less lies in the window is ignored by the loss", ge=0, le=1)
 
     def __post_init__(self) -> None:
         require(self.scale_min <= self.scale_max, "scale_min must be at most scale_max")
@@ -72,28 +68,22 @@ class TrainParameters:
     batch: int = key(16, "pictures a step", ge=1)
     window_px: int = key(288, "side of a window", ge=64)
     learning_rate: float = key(0.002, "AdamW, largest", gt=0)
-    weight_decay: float = key(0.0005, "AdamW", "Darknet's yolov3.cfg")
+    weight_decay: float = key(0.0005, "AdamW", "Darknet's yolov3.cfg", ge=0)
     warmup_steps: int = key(150, "linear; then cosine to 2 %")
-    clip_norm: float = key(10.0, "largest norm of a step's gradient")
-    average_decay: float = key(
-        0.998, "decay of the exponential moving average of the weights", "chosen for runs of a few thousand steps"
-    )
+    clip_norm: float = key(10.0, "largest norm of a step's gradient", gt=0)
+    average_decay: float = key(0.998, "of the weights' moving average", "chosen for some thousand steps", ge=0, lt=1)
     evaluate_every: int = key(500, "steps between evaluations, each with a checkpoint", ge=1)
-    validation_pictures: int = key(400, "pictures an evaluation looks at, at most")
+    validation_pictures: int = key(400, "pictures an evaluation looks at, at most", ge=1)
     held_out: float = key(0.05, "fraction of the pictures kept for validation", gt=0, lt=1)
-    match_iou: float = key(
-        0.3, "overlap that counts as found", "a shift by one pixel costs a 7-px box a quarter of its overlap"
-    )
+    match_iou: float = key(0.3, "overlap that counts as found", "one pixel costs a 7-px box a quarter", gt=0, lt=1)
     patience: int = key(12, "evaluations without a better score before the run stops", ge=1)
     hard_rounds: int = key(5, "rounds of looking for what fools the detector, spread over the run; 0 for none")
-    mine_pictures: int = key(1500, "training pictures looked at in a round")
-    mine_keep: int = key(400, "worst places kept: false boxes and missed targets")
+    mine_pictures: int = key(1500, "training pictures looked at in a round", ge=0)
+    mine_keep: int = key(400, "worst places kept: false boxes and missed targets", ge=0)
     hard_fraction: float = key(0.25, "part of a batch laid over those places", ge=0, lt=1)
-    freeze_norm: bool = key(
-        False, "keep the batch normalisation's statistics as they are; for fine-tuning, a third faster"
-    )
+    freeze_norm: bool = key(False, "keep the batch normalisation's statistics; for fine-tuning, a third faster")
     bf16: bool = key(True, "compute in bf16 where it helps")
-    calibration_pictures: int = key(200, "windows that 8-bit ranges are taken from; 0 for no 8-bit file")
+    calibration_pictures: int = key(200, "windows that 8-bit ranges are taken from; 0 for no 8-bit file", ge=0)
     augment: AugmentParameters = key(AugmentParameters(), "see `AugmentParameters`")
     loss: LossParameters = key(LossParameters(), "see `LossParameters`")
 

@@ -9,7 +9,7 @@ number; and, whatever they say, likeness.
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -56,19 +56,19 @@ def split(dataset: Dataset, fraction: float, seed: int) -> Split:
     if len(samples) < 2:
         raise DataError(f"{dataset.folder} holds {len(samples)} picture; splitting off a part needs two")
     wanted = min(max(1, round(fraction * len(samples))), len(samples) - 1)
-    rng = np.random.default_rng(seed)
-    if all(sample.scene for sample in samples):
-        return _parted(dataset, range(len(samples)), wanted, rng, "drawn situations")
-    names, by = _named(samples)
-    groups = _joined(names or range(len(samples)), signs(samples))
-    parts = _parted(dataset, groups, wanted, rng, by)
-    if names or parts.warning:
-        return parts
-    return replace(
-        parts,
-        warning="the pictures' names, folders and dates do not tell one day or sequence from another; like pictures "
-        "are on one side, but the held-out score is one of the same days, and flatters",
-    )
+    each: Sequence[int] = range(len(samples))
+    drawn = all(sample.scene for sample in samples)
+    names, kind = ([*each], "drawn situations") if drawn else _named(samples)
+    groups = each if drawn else _joined(names or each, signs(samples))
+    held, how, warning = _held_out(samples, groups, wanted, np.random.default_rng(seed), kind)
+    if not names and not warning:
+        warning = (
+            "the pictures' names, folders and dates do not tell one day or sequence from another; like pictures are on "
+            "one side, but the held-out score is one of the same days, and flatters"
+        )
+    rest = tuple(samples[index] for index in each if index not in held)
+    kept = tuple(samples[index] for index in each if index in held)
+    return Split(replace(dataset, samples=rest), replace(dataset, samples=kept), how, warning)
 
 
 def _named(samples: Sequence[Sample]) -> tuple[list[Hashable], str]:
@@ -85,42 +85,36 @@ def _named(samples: Sequence[Sample]) -> tuple[list[Hashable], str]:
     return ([*folders], "folders") if len(set(folders)) > 1 else ([], "groups of like pictures")
 
 
-def _parted(dataset: Dataset, groups: Sequence[int], wanted: int, rng: np.random.Generator, kind: str) -> Split:
-    """Whole groups, in random order, until there are enough; one larger one where that does not give as many."""
+def _held_out(
+    samples: Sequence[Sample], groups: Sequence[int], wanted: int, rng: np.random.Generator, kind: str
+) -> tuple[set[int], str, str]:
+    """Indices held out, how, and a warning: whole groups, in random order, until there are enough.
+
+    Where that does not give as many it is one larger group, or else successive pictures of the largest, by the last
+    number in their names: a stretch's ends alone have neighbours.
+    """
     members: dict[int, list[int]] = {}
     for index, number in enumerate(groups):
         members.setdefault(number, []).append(index)
     order = [list(members.values())[number] for number in rng.permutation(len(members))]
     held: list[int] = []
     for group in order:
-        if len(held) < wanted and len(held) + len(group) <= _MOST_OVER * wanted:
+        if len(held) < wanted and len(held) + len(group) <= min(_MOST_OVER * wanted, len(samples) - 1):
             held += group
     if len(held) < wanted / _MOST_OVER:
-        large = [group for group in order if wanted / _MOST_OVER <= len(group) <= _MOST_HELD * len(groups)]
-        if not large:
-            return _stretch(dataset, max(order, key=len), wanted, rng)
-        held = min(large, key=len)
-    return _of(dataset, held, f"whole {kind}, of {len(order)}")
-
-
-def _stretch(dataset: Dataset, group: Sequence[int], wanted: int, rng: np.random.Generator) -> Split:
-    """Successive pictures of one sequence, by the last number in their names: its ends alone have neighbours."""
-    order = sorted(group, key=lambda index: int((re.findall(r"\d+", dataset.samples[index].path.stem) or ["0"])[-1]))
-    wanted = min(wanted, len(order) - 1)
-    start = int(rng.integers(0, len(order) - wanted + 1))
-    parts = _of(dataset, order[start : start + wanted], "a stretch of one sequence")
-    return replace(
-        parts,
-        warning="nearly all pictures are of one day or sequence, or too alike to tell: those held out are neighbours "
-        "of those trained on, and their score flatters much",
+        large = [group for group in order if wanted / _MOST_OVER <= len(group) <= _MOST_HELD * len(samples)]
+        held = min(large, key=len, default=[])
+    if held:
+        return set(held), f"whole {kind}, of {len(order)}", ""
+    longest = max(order, key=len)
+    sequence = sorted(longest, key=lambda index: int((re.findall(r"\d+", samples[index].path.stem) or ["0"])[-1]))
+    wanted = min(wanted, len(sequence) - 1)
+    start = int(rng.integers(0, len(sequence) - wanted + 1))
+    warning = (
+        "nearly all pictures are of one day or sequence, or too alike to tell: those held out are neighbours of those "
+        "trained on, and their score flatters much"
     )
-
-
-def _of(dataset: Dataset, held: Iterable[int], how: str) -> Split:
-    chosen = set(held)
-    rest = tuple(sample for index, sample in enumerate(dataset.samples) if index not in chosen)
-    kept = tuple(dataset.samples[index] for index in sorted(chosen))
-    return Split(replace(dataset, samples=rest), replace(dataset, samples=kept), how)
+    return set(sequence[start : start + wanted]), "a stretch of one sequence", warning
 
 
 def _stem(sample: Sample) -> str:

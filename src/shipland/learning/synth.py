@@ -21,11 +21,12 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.config import build
-from shipland.errors import DataError
+from shipland.errors import ConfigError, DataError
 from shipland.files import claim, replacing, write_atomically
 from shipland.learning.arguments import SynthArguments
 from shipland.learning.dataset import coco_table, read_dataset
 from shipland.learning.decoys import foot_box_px, paint
+from shipland.learning.ranges import BoxRow
 from shipland.learning.sensor import degrade
 from shipland.learning.shot import PACKAGED, ShipAndCamera, Shot
 from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
@@ -51,17 +52,17 @@ def synth(arguments: SynthArguments, drawn: ShipAndCamera = PACKAGED) -> Path:
     """Make the set, of the packaged ship unless another is given; its folder. DataError where it holds another set."""
     parameters = synth_parameters(arguments.config)
     count = DEFAULT_COUNTS[arguments.kind] if arguments.count is None else arguments.count
-    out = arguments.out
+    out, widest = arguments.out, drawn.camera.width_px
+    if arguments.crop_px > widest:
+        raise ConfigError(f"--crop-px must be {widest} or less, the picture's width, got {arguments.crop_px}")
     _claim(out, arguments, drawn)
-    names = [_name(arguments, number) for number in range(count)]
-    missing = [number for number, name in enumerate(names) if not _whole(out, name)]
+    missing = [it for it in range(count) if not all(file.is_file() for file in _files(arguments, it))]
     work, block = partial(make_files, arguments, parameters, drawn), parameters.pictures_per_scene
     made = in_workers(work, missing, block, arguments.workers, arguments.minutes)
     for _ in followed(itertools.chain.from_iterable(made), f"{arguments.kind} pictures", count, count - len(missing)):
         pass
-    descriptions = [out / "scenes" / f"{name}.json" for name in names]
-    lines = [path.read_text(encoding="utf-8") for path in descriptions if path.is_file()]
-    write_atomically(out / "scenes.jsonl", ("\n".join(lines) + "\n").encode())
+    scenes = [path.read_text(encoding="utf-8") for path in sorted((out / "scenes").glob("*.json"))]
+    write_atomically(out / "scenes.jsonl", "".join(f"{scene}\n" for scene in scenes).encode())
     if arguments.coco:
         write_atomically(out / "coco.json", json.dumps(coco_table(read_dataset(out))).encode())
     return out
@@ -99,16 +100,19 @@ def make_files(
             picture, box = draw(shot, 0.0, scene, view, rig, parameters)
             quality = jpeg_quality(shot, parameters)
             data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
-            name = _name(arguments, number)
-            write_plainly(arguments.out / "images" / f"{name}.jpg", data)
-            write_plainly(arguments.out / "labels" / f"{name}.txt", label_line(box, picture.shape).encode())
-            write_plainly(arguments.out / "scenes" / f"{name}.json", json.dumps(shot.scene(f"{name}.jpg")).encode())
-            names.append(name)
+            files = _files(arguments, number)
+            texts = label_line(box, picture.shape).encode(), json.dumps(shot.scene(files[0].name)).encode()
+            for file, content in zip(files, (data, *texts), strict=True):
+                with replacing(file) as beside:  # does not wait for the disk
+                    beside.write_bytes(content)
+            names.append(files[0].stem)
     return names
 
 
-def _name(arguments: SynthArguments, number: int) -> str:
-    return f"{arguments.kind}-{arguments.seed}-{number:06d}"
+def _files(arguments: SynthArguments, number: int) -> tuple[Path, Path, Path]:
+    """Picture, label and the scene's description."""
+    name, out = f"{arguments.kind}-{arguments.seed}-{number:06d}", arguments.out
+    return out / "images" / f"{name}.jpg", out / "labels" / f"{name}.txt", out / "scenes" / f"{name}.json"
 
 
 def jpeg_quality(shot: Shot, parameters: SynthParameters) -> int:
@@ -123,22 +127,10 @@ def compressed(picture: Picture, quality: int) -> Picture:
     return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8)
 
 
-def write_plainly(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all, without waiting for the disk."""
-    with replacing(path) as beside:
-        beside.write_bytes(data)
-
-
-def _whole(out: Path, name: str) -> bool:
-    """Whether a picture, its label and the scene's description are there."""
-    files = (out / "scenes" / f"{name}.json", out / "images" / f"{name}.jpg", out / "labels" / f"{name}.txt")
-    return all(file.is_file() for file in files)
-
-
 def _claim(out: Path, arguments: SynthArguments, drawn: ShipAndCamera) -> None:
     """Make the folders, or check that what is there was begun with the same arguments."""
     wanted: dict[str, object] = {"kind": arguments.kind, "seed": arguments.seed, "crop_px": arguments.crop_px}
-    wanted |= drawn.note()
+    wanted |= drawn.note() | asked_of(arguments.config, "synth")
     note = out / "synth.json"
     if not note.is_file() and out.is_dir() and any(out.iterdir()):
         raise DataError(f"{out} is not empty and holds no set of `shipland synth`: choose another folder")
@@ -148,14 +140,24 @@ def _claim(out: Path, arguments: SynthArguments, drawn: ShipAndCamera) -> None:
     write_atomically(out / "classes.txt", f"{arguments.kind}\n".encode())
 
 
+def asked_of(config: Path | None, *names: str) -> dict[str, object]:
+    """What a folder's note tells of a user's file, so that two configurations are not mixed in one."""
+    return {name: table for name in names if (table := learning_table(name, config))}
+
+
+def centred(edges: NearestBox) -> BoxRow:
+    """Centre and size of a box (left, top, right, bottom)."""
+    left, top, right, bottom = edges
+    return (0.5 * (left + right), 0.5 * (top + bottom), right - left, bottom - top)
+
+
 def label_line(box: NearestBox | None, shape: tuple[int, ...]) -> str:
     """YOLO's line of a box (left, top, right, bottom) [px], empty without one."""
     if box is None:
         return ""
     height, width = shape[:2]
-    left, top, right, bottom = box
-    values = ((left + right) / 2 / width, (top + bottom) / 2 / height, (right - left) / width, (bottom - top) / height)
-    return "0 " + " ".join(f"{value:.7f}" for value in values) + "\n"
+    fractions = np.array(centred(box)) / [width, height, width, height]
+    return "0 " + " ".join(f"{value:.7f}" for value in fractions) + "\n"
 
 
 def draw(
@@ -182,15 +184,14 @@ def crop_camera(shot: Shot, camera: Camera, rig: Rig, parameters: SynthParameter
     size = np.array([camera.width_px, camera.height_px], dtype=float)
     centre = rng.uniform(0.0, size)
     if box is not None and not shot.empty and rng.random() < 0.85:
-        half = 0.5 * np.array([box[2] - box[0], box[3] - box[1]])
-        slack = np.maximum(0.5 * crop_px - half - 2.0, 0.0)
-        centre = 0.5 * np.array([box[0] + box[2], box[1] + box[3]]) + rng.uniform(-slack, slack)
+        target = np.array(centred(box))
+        slack = np.maximum(0.5 * crop_px - 0.5 * target[2:] - 2.0, 0.0)
+        centre = target[:2] + rng.uniform(-slack, slack)
     elif shot.decoys and rng.random() < 0.7:
         decoy = shot.decoys[int(rng.integers(len(shot.decoys)))]
         around = foot_box_px(decoy, camera, state.ned_from_camera.inverse())
         if around is not None:
-            middle = 0.5 * np.array([around[0] + around[2], around[1] + around[3]])
-            centre = middle + rng.uniform(-0.3, 0.3, 2) * crop_px
+            centre = centred(around)[:2] + rng.uniform(-0.3, 0.3, 2) * crop_px
     corner = np.round(np.clip(centre - 0.5 * crop_px, 0.0, np.maximum(size - crop_px, 0.0)))
     matrix = camera.matrix.copy()
     matrix[:2, 2] -= corner

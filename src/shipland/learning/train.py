@@ -21,6 +21,7 @@ from shipland.errors import DataError
 from shipland.learning.arguments import TrainArguments
 from shipland.learning.checkpoint import (
     Progress,
+    check_begun,
     check_resumable,
     load_checkpoint,
     restore_optimizer,
@@ -135,8 +136,7 @@ def _start(arguments: TrainArguments, parameters: TrainParameters, parts: Split)
     torch.manual_seed(arguments.seed)
     torch.backends.cudnn.benchmark = device.type == "cuda"  # windows have one size
     last = arguments.out / LAST
-    if last.exists() and not arguments.resume:
-        raise DataError(f"{last} is there already: give --resume to go on with it, or another folder")
+    check_begun(last, resume=arguments.resume)
     identity = _identity(arguments, parts.fitting)
     if arguments.resume:
         tensors, spec, progress = load_checkpoint(last)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from shipland.files import write_with_digest
 from shipland.guidance.horizon.learned import FORMAT
 from shipland.guidance.horizon.steering import ENTRIES, Action
+from shipland.learning.export import model_bytes
 
 ACTIONS = 2
 
@@ -27,8 +28,7 @@ class Dense(NamedTuple):
 
 def write_policy(path: Path, layers: Sequence[Dense], action: Action, note: str) -> None:
     """Write a policy that `--pilot residual` and `learned` fly, whole or not at all, with its digest."""
-    import onnx
-    from onnx import TensorProto, helper, numpy_helper
+    from onnx import helper, numpy_helper
 
     nodes, weights, before = [], [], "observation"
     for index, layer in enumerate(layers):
@@ -39,16 +39,6 @@ def write_policy(path: Path, layers: Sequence[Dense], action: Action, note: str)
         nodes.append(helper.make_node("Gemm", [before, *names], [f"sum_{index}"], transB=1))
         nodes.append(helper.make_node(layer.activation, [f"sum_{index}"], [after]))
         before = after
-    graph = helper.make_graph(
-        nodes,
-        "policy",
-        [helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["batch", len(ENTRIES)])],
-        [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["batch", ACTIONS])],
-        weights,
-    )
-    opset = [helper.make_opsetid("", 17)]
-    model = helper.make_model(graph, opset_imports=opset, ir_version=9, producer_name="shipland")
+    entering, leaving = {"observation": ["batch", len(ENTRIES)]}, {"action": ["batch", ACTIONS]}
     about = {"format": FORMAT, "action": json.dumps(vars(action)), "entries": json.dumps(ENTRIES), "note": note}
-    helper.set_model_props(model, about)
-    onnx.checker.check_model(model)
-    write_with_digest(path, model.SerializeToString())
+    write_with_digest(path, model_bytes("policy", nodes, entering, leaving, weights, about))

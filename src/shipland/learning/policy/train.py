@@ -21,11 +21,11 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv
 
-from shipland.errors import ConfigError, DataError
+from shipland.errors import ConfigError
 from shipland.figures import drawn
 from shipland.files import write_atomically, write_csv
 from shipland.guidance.horizon.steering import REACH_M, Action
-from shipland.learning.checkpoint import check_resumable
+from shipland.learning.checkpoint import check_begun, check_resumable
 from shipland.learning.policy.agent import Progress, Run, answer, dense_of
 from shipland.learning.policy.arguments import LearnArguments
 from shipland.learning.policy.export import write_policy
@@ -131,8 +131,7 @@ def _monitored(maker: EnvMaker, *, ignore_interrupt: bool) -> gymnasium.Env[Any,
 
 def _start(arguments: LearnArguments, envs: VecEnv) -> Run:
     last = arguments.out / LAST
-    if last.exists() and not arguments.resume:
-        raise DataError(f"{last} is there already: give --resume to go on with it, or another folder")
+    check_begun(last, resume=arguments.resume)
     names = ("kind", "scenario", "changes", "environments", "bound", "hidden", "seed")
     identity = {name: str(getattr(arguments, name)) for name in names}
     run = Run(arguments, envs)
