@@ -9,16 +9,20 @@ from hypothesis import given
 
 pytest.importorskip("rosbags", reason="the extra ros2")
 
+from shipland import extras
 from shipland.camera import Camera, level_from_camera
-from shipland.errors import ConfigError, DataError
+from shipland.config import packaged_toml
+from shipland.errors import ConfigError, DataError, VehicleError
 from shipland.frames import Pose, rotation_from_euler
 from shipland.messages import BarPose, Box, GimbalAttitude, Observation, Telemetry
+from shipland.vehicles.address import Address, VehicleSetup
 from shipland.vehicles.ros2 import conversions as ros
 from shipland.vehicles.ros2 import image_messages as images
 from shipland.vehicles.ros2 import telling as sights
 from shipland.vehicles.ros2.dds import domain_id, settings
 from shipland.vehicles.ros2.setup import vehicle_topics
 from shipland.vehicles.ros2.types import cdr_of, message, message_of, store, type_hash
+from shipland.vehicles.ros2.vehicle import ros2
 from shipland.vehicles.wanted import Wanted
 
 NOTHING = Telemetry(0.0)
@@ -57,6 +61,14 @@ def test_odometry_that_says_it_is_of_other_axes_is_refused(frame: str, child: st
     told.header.frame_id, told.child_frame_id = frame, child
     with pytest.raises(DataError, match=f"{frame}, {child}"):
         ros.with_odometry(NOTHING, told, 1.0)
+
+
+def test_a_missing_extra_is_said_where_the_address_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before the rehearsal, not after it."""
+    there = extras.find_spec
+    monkeypatch.setattr(extras, "find_spec", lambda name: None if name == "cyclonedds" else there(name))
+    with pytest.raises(VehicleError, match=r"needs cyclonedds; install it with: pip install 'shipland\[ros2\]'"):
+        ros2(VehicleSetup(Address.parse("ros2://drone"), Camera.from_fov(64, 36, 69.0), packaged_toml("vehicles")))
 
 
 @given(angles, angles, angles)

@@ -16,6 +16,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from shipland.errors import ConfigError, VehicleError
+from shipland.extras import require
 from shipland.vehicles.ros2.types import cdr_of, message_of, store, type_hash
 
 if TYPE_CHECKING:
@@ -106,18 +107,20 @@ class Publisher:
         self._writer = None  # Cyclone's entities end with their objects
 
 
+def require_dds() -> None:
+    """Nothing where the extra is installed; else VehicleError with what to install."""
+    store()
+    require("ros2", "ros2:// (Python 3.11 to 3.13)", VehicleError, "cyclonedds")
+
+
 class Node:
     """A participant, its topics, and one thread on which everything received is handed over."""
 
     def __init__(self, domain: int, local: bool) -> None:
-        store()  # says what is missing
-        try:
-            from cyclonedds.core import DDSException, Policy, Qos, WaitSet
-            from cyclonedds.domain import DomainParticipant
-        except ImportError:
-            raise VehicleError(
-                "ros2:// needs cyclonedds, which is there for Python 3.11 to 3.13: pip install 'shipland[ros2]'"
-            ) from None
+        require_dds()
+        from cyclonedds.core import DDSException, Policy, Qos, WaitSet
+        from cyclonedds.domain import DomainParticipant
+
         try:
             _domain(domain, settings(local))
             self._participant: DomainParticipant = DomainParticipant(domain, qos=Qos(Policy.Userdata(b"enclave=/;")))

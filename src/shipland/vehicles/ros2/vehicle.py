@@ -20,7 +20,7 @@ from shipland.vehicles.camera_stream import PictureSource
 from shipland.vehicles.checks import Check
 from shipland.vehicles.ros2.checks import ros2_checks
 from shipland.vehicles.ros2.conversions import attitude_message, gimbal_message, velocity_message
-from shipland.vehicles.ros2.dds import Node
+from shipland.vehicles.ros2.dds import Node, require_dds
 from shipland.vehicles.ros2.image_messages import camera_of
 from shipland.vehicles.ros2.pictures import TopicPictures, image_kind
 from shipland.vehicles.ros2.setup import OUR_TOPICS, Ros2Parameters, Ros2Setup
@@ -225,4 +225,5 @@ class Ros2Vehicle(SetpointVehicle):
 
 def ros2(setup: VehicleSetup) -> Vehicle:
     """`ros2://drone?image=/camera/image_raw`: the vehicle's topics below `/drone`; options: see `ros2.setup`."""
+    require_dds()
     return Ros2Vehicle(Ros2Setup.of(setup))
