@@ -140,6 +140,7 @@ GOOD = [f"{t},0,0,0,0,0,0" for t in range(6)]
         ([LINE, *GOOD[:2], "2,0,0,nan,0,0,0", *GOOD[3:]], r"line 4, column heave_m"),
         ([LINE, *GOOD, "6,0,0"], r"line 8: expected 7 columns .* found 3"),
         ([LINE, *GOOD, "5,0,0,0,0,0,0"], r"line 8, column t_s: times must increase"),
+        ([LINE, *GOOD, "6,0,0,-85,0,0,0"], r"heave_m reaches 85, expected 30 at most; is the unit another\?"),
         ([LINE, *GOOD[:3]], r"at least 4 lines"),
         ([], r"line 1: expected the header"),
     ],

@@ -17,6 +17,8 @@ from shipland.sim.ship.deck_motion import SixDof
 HEADER = ("t_s", "surge_m", "sway_m", "heave_m", "roll_deg", "pitch_deg", "yaw_deg")
 """Columns of the file; axes and signs as in `deck_motion.DOF_NAMES`."""
 
+_MOST = {"heave_m": 30.0, "roll_deg": 90.0, "pitch_deg": 90.0}
+"""No ship moves more; surge, sway and yaw may drift."""
 BLEND_S = 2.0
 """A record that ends fades into its own beginning over this time (or a quarter of it, where it is short)."""
 
@@ -76,6 +78,9 @@ def read_motion(path: Path, length_scale: float = 1.0, time_scale: float = 1.0) 
     if not np.all(steps > 0.0):
         line = [line for line, row in enumerate(rows[1:], start=2) if row][int(np.argmax(steps <= 0.0)) + 1]
         raise DataError(f"{path}, line {line}, column t_s: times must increase from line to line")
+    for name, most in _MOST.items():
+        if (largest := float(np.abs(values[:, HEADER.index(name)]).max())) > most:
+            raise DataError(f"{path}: {name} reaches {largest:g}, expected {most:g} at most; is the unit another?")
     values[:, 1:4] /= length_scale
     values[:, 4:] = np.radians(values[:, 4:])
     return RecordedMotion(values[:, 0] / time_scale, values[:, 1:])
