@@ -27,15 +27,10 @@ _UNITS = {
     "mps": "m/s",
     "percent": "%",
     "deg": "°",
-    "rad": "rad",
-    "px": "px",
     "hz": "Hz",
-    "kg": "kg",
-    "kn": "kn",
     "ev": "EV",
-    "m": "m",
-    "s": "s",
     "n": "N",
+    **{unit: unit for unit in ("rad", "px", "kg", "kn", "m", "s")},
 }
 """By the last part of a name; the longer first."""
 

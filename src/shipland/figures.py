@@ -13,7 +13,7 @@ from shipland.files import replacing, writing
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PLOT_STYLE: dict[Any, Any] = {
+_STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 10.0,
     "axes.titlesize": 10.0,
@@ -21,11 +21,11 @@ PLOT_STYLE: dict[Any, Any] = {
     "axes.titlelocation": "left",
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.grid": True,
     "grid.color": "#d8d8d8",
     "grid.linewidth": 0.6,
     "axes.axisbelow": True,
     "lines.linewidth": 1.4,
+    "hatch.linewidth": 0.5,
     "legend.fontsize": 9.0,
     "legend.frameon": True,
     "legend.framealpha": 0.85,
@@ -60,11 +60,17 @@ def save_figure(figure: Figure, path: Path, dpi: int) -> None:
 
 
 @contextmanager
-def drawn(path: Path, size_in: tuple[float, float], dpi: int = 80, *, grid: bool = True) -> Iterator[Figure]:
-    """A figure in the house's style, written as `save_figure` does once the block has drawn it."""
+def styled(size_in: tuple[float, float], *, grid: bool = True) -> Iterator[Figure]:
+    """A figure in the house's style, to be drawn within the block."""
     import matplotlib as mpl
 
-    with mpl.rc_context(PLOT_STYLE | {"axes.grid": grid}):
-        figure = new_figure(*size_in)
+    with mpl.rc_context(_STYLE | {"axes.grid": grid}):
+        yield new_figure(*size_in)
+
+
+@contextmanager
+def drawn(path: Path, size_in: tuple[float, float], dpi: int = 80, *, grid: bool = True) -> Iterator[Figure]:
+    """A `styled` figure, written as `save_figure` does once the block has drawn it."""
+    with styled(size_in, grid=grid) as figure:
         yield figure
         save_figure(figure, path, dpi)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 
 from shipland.figures import drawn
-from shipland.frames import Array
 from shipland.messages import TouchdownVerdict
 from shipland.record.columns import FlightColumns
 from shipland.record.reader import FlightLog
@@ -32,14 +31,15 @@ _NAMES = ("as it was flown", "again")
 
 def comparison(before: FlightLog, after: FlightLog) -> Iterator[str]:
     """A table of both, a line each, and where they part."""
-    flights = (before, after)
-    yield _line("", _NAMES)
-    yield _line("landed in the square", [_yes(log.verdict) for log in flights])
+    verdicts = [before.verdict, after.verdict]
+    landed = ["no touchdown" if it is None else "yes" if it.success else "no" for it in verdicts]
+    rows = [["", *_NAMES], ["landed in the square", *landed]]
     for name, of in _FIGURES.items():
-        yield _line(name, [_figure(log.verdict, of) for log in flights])
-    yield _line("cycles", [f"{len(log.records)}" for log in flights])
-    for name, log in zip(_NAMES, flights, strict=True):
-        yield f"{name}: {'no touchdown' if log.verdict is None else log.verdict.reason}"
+        rows.append([name, *("–" if it is None or not it.touched else f"{of(it):.2f}" for it in verdicts)])
+    rows.append(["cycles", f"{len(before.records)}", f"{len(after.records)}"])
+    yield from (f"{name:<22}{first:>18}{second:>18}" for name, first, second in rows)
+    for name, verdict in zip(_NAMES, verdicts, strict=True):
+        yield f"{name}: {'no touchdown' if verdict is None else verdict.reason}"
     yield _parting(before.columns(), after.columns())
 
 
@@ -63,7 +63,6 @@ def plot_pair(path: Path, before: FlightLog, after: FlightLog) -> None:
         above = figure.add_subplot(grid[:, 1])
         draw_pad(above, before.header.rig)
         above.set_title("over the deck, from above; touchdowns")
-        spans_s = [float(log.columns().t_s[-1]) for log in (before, after) if log.records]
         for log, name, colour in zip((before, after), _NAMES, (BLUE, VERMILION), strict=True):
             columns = log.columns()
             for axis, axes in enumerate(rows):
@@ -76,19 +75,7 @@ def plot_pair(path: Path, before: FlightLog, after: FlightLog) -> None:
         for axes, title in zip(rows, PLACES, strict=True):
             axes.set_title(title)
             finish_time_axes(axes, before.columns(), None, last=axes is rows[-1])
-            axes.set_xlim(0.0, max(spans_s))
-
-
-def _line(name: str, values: Sequence[str]) -> str:
-    return f"{name:<22}" + "".join(f"{value:>18}" for value in values)
-
-
-def _yes(verdict: TouchdownVerdict | None) -> str:
-    return "no touchdown" if verdict is None else "yes" if verdict.success else "no"
-
-
-def _figure(verdict: TouchdownVerdict | None, of: Callable[[TouchdownVerdict], float]) -> str:
-    return "–" if verdict is None or not verdict.touched else f"{of(verdict):.2f}"
+            axes.set_xlim(0.0, max(log.records[-1].frame.t_s for log in (before, after) if log.records))
 
 
 def _parting(before: FlightColumns, after: FlightColumns) -> str:
@@ -96,8 +83,8 @@ def _parting(before: FlightColumns, after: FlightColumns) -> str:
     count = min(len(before.t_s), len(after.t_s))
     if not count:
         return "one of the two has no cycle"
-    same = _same(before.t_s, after.t_s, count) & _same(before.sticks_percent, after.sticks_percent, count)
-    same &= _same(before.truth_in_pad_m, after.truth_in_pad_m, count)
+    both = [np.column_stack([it.t_s, it.sticks_percent, it.truth_in_pad_m])[:count] for it in (before, after)]
+    same = (np.equal(*both) | np.isnan(both).all(axis=0)).all(axis=1)
     if same.all() and len(before.t_s) == len(after.t_s):
         return "the same flight, bit for bit"
     first = int(np.argmin(same)) if not same.all() else count - 1
@@ -106,8 +93,3 @@ def _parting(before: FlightColumns, after: FlightColumns) -> str:
     again_m = np.column_stack([np.interp(shared_s, after.t_s, after.truth_in_pad_m[:, axis]) for axis in range(3)])
     apart = np.linalg.norm(again_m - before.truth_in_pad_m[:count], axis=1) > PART_M
     return f"{words}, by {100.0 * PART_M:g} cm from {shared_s[np.argmax(apart)]:.2f} s" if apart.any() else words
-
-
-def _same(before: Array, after: Array, count: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    equal = (before[:count] == after[:count]) | (np.isnan(before[:count]) & np.isnan(after[:count]))
-    return np.asarray(equal.reshape(count, -1).all(axis=1))

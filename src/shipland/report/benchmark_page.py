@@ -11,6 +11,7 @@ import numpy as np
 from shipland.errors import DataError
 from shipland.evaluation.bundle import Bundle
 from shipland.evaluation.campaign import CellResult, read_about
+from shipland.evaluation.landing import Landing
 from shipland.evaluation.oracle import OracleRate
 from shipland.evaluation.tables import pair_up
 from shipland.evaluation.tally import Tally
@@ -55,9 +56,8 @@ def _entries(bundles: Sequence[Bundle]) -> str:
         about, receipt = bundle.about, read_receipt(bundle)
         pilots = ", ".join(dict.fromkeys(cell.pilot for cell in bundle.cells))
         again = "not verified" if receipt is None else f"{receipt.again} of {receipt.flights}, all equal"
-        checked = receipt is not None and receipt.seeds_checked
-        sealed = f"sealed by {about['salt']}{'' if checked else ', not checked'}"
-        seeds = sealed if about["salt"] else f"1 … {about['runs']}"
+        checked = "" if receipt is not None and receipt.seeds_checked else ", not checked"
+        seeds = f"sealed by {about['salt']}{checked}" if about["salt"] else f"1 … {about['runs']}"
         own = ", ".join(sorted(set(about["own_code"].values()))) or "–"
         code = f"{about['version']} ({about['source']})"
         rows.append([bundle.title, pilots, code, own, again, seeds])
@@ -66,16 +66,14 @@ def _entries(bundles: Sequence[Bundle]) -> str:
 
 def standings(cells: Sequence[CellResult]) -> str:
     """A row an entry: its share over all cells, and McNemar's test against the first on the same flights."""
-    entries = list(dict.fromkeys(cell.pilot for cell in cells))
-    by_entry = {
-        entry: {(cell.group, it.seed): it for cell in cells if cell.pilot == entry for it in cell.landings}
-        for entry in entries
-    }
-    first, rows = by_entry[entries[0]], []
+    by_entry: dict[str, dict[tuple[str, int], Landing]] = {}
+    for cell in cells:
+        by_entry.setdefault(cell.pilot, {}).update({(cell.group, it.seed): it for it in cell.landings})
+    first, rows = next(iter(by_entry.values())), []
     for entry, flown in by_entry.items():
         tally, found = Tally.of(flown.values()), pair_up(first, flown, np.random.default_rng(1))
         tested = [f"{found.only_first}", f"{found.only_second}", f"{found.p_value:.2g}"]
         counts = [f"{tally.flights}", tally.share_text(), tally.interval_text()]
-        rows.append([entry, *counts, *(["–"] * 3 if entry == entries[0] else tested)])
+        rows.append([entry, *counts, *(["–"] * 3 if flown is first else tested)])
     head = ["entry", "flights", "landed", "95 % interval", "only the first", "only this", "McNemar p"]
     return html_table(head, rows, first_number=7)

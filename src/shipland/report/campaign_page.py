@@ -13,8 +13,8 @@ import os
 import re
 import shlex
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import pairwise, product
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,7 @@ from shipland.evaluation.oracle import OracleRate
 from shipland.evaluation.tables import quantile
 from shipland.evaluation.tally import Tally
 from shipland.report.pages import html_of_table, html_table, page, page_file
-from shipland.report.svg import Column, Points, Share, colour_of, point_chart, share_chart
+from shipland.report.svg import Column, Point, Share, colour_of, point_chart, share_chart
 from shipland.rig import area_of
 
 
@@ -41,7 +41,11 @@ class PageFlights:
 
     def __init__(self, cells: Sequence[CellResult], folder: Path) -> None:
         self._cells, self._folder = cells, folder
+        self.area = area_of(cell.rig for cell in cells)
         self.flights = [(cell, landing) for cell in cells for landing in cell.landings]
+        self.by_pilot: dict[str, list[Landing]] = {}
+        for cell, landing in self.flights:
+            self.by_pilot.setdefault(cell.pilot, []).append(landing)
         failures = Counter(landing.cause for _, landing in self.flights if not landing.success)
         self._outcomes = ["", *(cause for cause, _ in failures.most_common())]
         self._count = failures | Counter({"": sum(landing.success for _, landing in self.flights)})
@@ -50,11 +54,11 @@ class PageFlights:
         """Number of a flight's outcome: 0 landed in the square, then causes, the most frequent first."""
         return 0 if landing.success else self._outcomes.index(landing.cause)
 
-    def filters(self, area: str) -> str:
+    def filters(self) -> str:
         """A box an outcome, for the script."""
         boxes = "".join(
             f'<label><input type="checkbox" checked value="{at}">'
-            f"{html.escape(cause or f'landed in the {area}')} ({self._count[cause]})</label>"
+            f"{html.escape(cause or f'landed in the {self.area}')} ({self._count[cause]})</label>"
             for at, cause in enumerate(self._outcomes)
             if self._count[cause]
         )
@@ -64,24 +68,23 @@ class PageFlights:
             f"is; click it for its files{again}.</span></div>"
         )
 
-    def again(self, at: int) -> str:
+    def again(self, cell: CellResult, landing: Landing) -> str:
         """Links to what there is of a flight, and the command that flies it again."""
-        files = "".join(f'<a href="{html.escape(path, quote=True)}">{name}</a> ' for name, path in self._files(at))
-        cell, landing = self.flights[at]
-        command = f"{_again(cell)}{landing.seed}" if _again(cell) else ""
-        return f"{files or 'no log '}<code>{html.escape(command)}</code>"
+        links = (f'<a href="{html.escape(at, quote=True)}">{name}</a> ' for name, at in self._files(cell, landing))
+        files = "".join(links)
+        command = html.escape(f"{_again(cell)}{landing.seed}") if _again(cell) else ""
+        return f"{files or 'no log '}<code>{command}</code>"
 
     def data_and_script(self) -> str:
         """What the script reads, and the script."""
         told = [{"name": it.name, "pilot": it.pilot, "version": it.version, "again": _again(it)} for it in self._cells]
-        index, rows = {id(cell): at for at, cell in enumerate(self._cells)}, []
-        for at, (cell, landing) in enumerate(self.flights):
-            figures = [landing.error_m, landing.sink_mps, landing.tilt_deg, landing.time_s]
-            rows.append([
-                index[id(cell)], landing.seed, self.outcome(landing),
-                *(round(value, 3) if math.isfinite(value) else None for value in figures),
-                "" if landing.success else landing.reason, self._files(at),
-            ])  # fmt: skip
+        rows: list[list[Any]] = []
+        for number, cell in enumerate(self._cells):
+            for it in cell.landings:
+                figures = (it.error_m, it.sink_mps, it.tilt_deg, it.time_s)
+                known = [round(value, 3) if math.isfinite(value) else None for value in figures]
+                reason = "" if it.success else it.reason
+                rows.append([number, it.seed, self.outcome(it), *known, reason, self._files(cell, it)])
         data = json.dumps({"cells": told, "outcomes": self._outcomes, "flights": rows}, separators=(",", ":"))
         quiet, script = data.replace("<", "\\u003c"), page_file("page.js")  # what ends a script must not stand in it
         return (
@@ -89,17 +92,11 @@ class PageFlights:
             f'<script type="application/json" id="flights">{quiet}</script><script>{script}</script>'
         )
 
-    def _files(self, at: int) -> list[tuple[str, str]]:
+    def _files(self, cell: CellResult, landing: Landing) -> list[tuple[str, str]]:
         """Name and path of the log and the film of a flight, where they lie."""
-        cell, landing = self.flights[at]
-        if cell.logs is None:
-            return []
-        film, made = cell.logs / str(landing.seed) / "flight.mp4", cell.logs / f"{landing.seed}.mcap"
-        return [
-            (name, Path(os.path.relpath(path, self._folder)).as_posix())
-            for name, path in (("log", made), ("film", film))
-            if path.is_file()
-        ]
+        paths = {"log": f"{landing.seed}.mcap", "film": f"{landing.seed}/flight.mp4"}
+        there = {name: cell.logs / path for name, path in paths.items() if cell.logs and (cell.logs / path).is_file()}
+        return [(name, Path(os.path.relpath(path, self._folder)).as_posix()) for name, path in there.items()]
 
 
 def _again(cell: CellResult) -> str:
@@ -123,42 +120,39 @@ def campaign_page(
     `first` stands above all tables.
     """
     cells = [cell for cell in cells if cell.landings]
-    pilots = list(dict.fromkeys(cell.pilot for cell in cells))
-    by_pilot = {pilot: [it for cell in cells if cell.pilot == pilot for it in cell.landings] for pilot in pilots}
+    flown, machine = PageFlights(cells, folder), about["machine"]
+    pilots, area = list(flown.by_pilot), flown.area
     suites = ", ".join(dict.fromkeys(cell.suite for cell in cells if cell.suite)) or "a grid of the command line"
-    flights, machine = sum(len(cell.landings) for cell in cells), about["machine"]
-    area, flown = area_of(cell.rig for cell in cells), PageFlights(cells, folder)
     groups = len({cell.group for cell in cells})
     keys = "".join(
         f'<span class="key"><i style="background:{colour_of(index)}"></i>{html.escape(pilot)}</span>'
         for index, pilot in enumerate(pilots)
     )
-    tables = [html_of_table(leaderboard(cells, oracle_rates)), html_of_table(rivals(cells))]
     parts = [
         f"<h1>Landings: {html.escape(suites)}</h1>",
-        f'<p class="dim">{flights} flights, {groups} cell{"s" * (groups > 1)}, {len(pilots)} pilot'
+        f'<p class="dim">{len(flown.flights)} flights, {groups} cell{"s" * (groups > 1)}, {len(pilots)} pilot'
         f"{'s' * (len(pilots) > 1)}. "
         f"<code>{html.escape(about['command'])}</code><br>{html.escape(machine['processor'])}, "
         f"{machine['cores']} cores, {html.escape(machine['platform'])}</p><p>{keys}</p>",
         *first,
         "<h2>Pilots</h2>",
-        _pilots(cells, pilots),
+        _pilots(flown),
         f"<h2>Share in the {area}, cell by cell</h2>",
         '<p class="dim">Dot and bar: share and its 95 % interval. Dotted: what an oracle would reach.</p>',
         f'<div class="charts">{"".join(_cell_charts(cells, pilots, oracle_rates))}</div>',
         "<h2>Against what was drawn</h2>",
-        f'<div class="charts">{"".join(_against(by_pilot)) or "<p>One value of everything.</p>"}</div>',
+        f'<div class="charts">{"".join(_against(flown.by_pilot)) or "<p>One value of everything.</p>"}</div>',
         "<h2>Touchdowns</h2>",
         f'<p class="dim">Lines: {area} and deck. Dots landed in the {area}, crosses did not.</p>',
-        flown.filters(area),
+        flown.filters(),
         f'<div class="charts">{"".join(_touchdowns(flown, pilots))}</div>',
         "<h2>Failures</h2>",
-        _causes(by_pilot),
-        _failures(flown, area),
+        _causes(flown.by_pilot),
+        _failures(flown),
         "<h2>Leaderboard</h2>",
-        tables[0],
+        html_of_table(leaderboard(cells, oracle_rates)),
         "<h2>Everybody's rules, on the same flights</h2>",
-        tables[1],
+        html_of_table(rivals(cells)),
     ]
     if len(pilots) > 1:
         parts += ["<h2>Pilots in pairs</h2>", html_of_table(pairings_table(pilot_pairings(cells)))]
@@ -179,21 +173,17 @@ _FIGURES = (
 """Of touchdowns: which figure, factor on it, quantile, digits."""
 
 
-def _pilots(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
-    area = area_of(cell.rig for cell in cells)
-    head = ["pilot", "flights", f"in the {area}", "95 % interval", "at rest in it", "on its feet", "error median [cm]",
-            "error 90 % [cm]", "sink median [m/s]", "slide median [m/s]", "tilt median [°]", "slip median [cm]",
-            "time median [s]", "largest stick step [%]"]  # fmt: skip
+def _pilots(flown: PageFlights) -> str:
+    head = ["pilot", "flights", f"in the {flown.area}", "95 % interval", "at rest in it", "on its feet",
+            "error median [cm]", "error 90 % [cm]", "sink median [m/s]", "slide median [m/s]", "tilt median [°]",
+            "slip median [cm]", "time median [s]", "largest stick step [%]"]  # fmt: skip
     rows = []
-    for pilot in pilots:
-        mine = [(it, cell.rig) for cell in cells if cell.pilot == pilot for it in cell.landings]
-        landings = [it for it, _ in mine]
-        touched = [it for it in landings if it.touched]
-        tally, rests = Tally.of(landings), sum(rests_in_area(it, rig) for it, rig in mine)
-        upright = sum(it.landed for it in landings)
+    for pilot, landings in flown.by_pilot.items():
+        tally, upright = Tally.of(landings), sum(it.landed for it in landings)
+        rests = sum(rests_in_area(it, cell.rig) for cell, it in flown.flights if cell.pilot == pilot)
         counts = [str(tally.flights), tally.share_text(), tally.interval_text(), str(rests), str(upright)]
         figures = [
-            quantile([factor * getattr(it, name) for it in touched], share, digits)
+            quantile([factor * getattr(it, name) for it in landings if it.touched], share, digits)
             for name, factor, share, digits in _FIGURES
         ]
         rows.append([pilot, *counts, *figures, quantile([it.step_percent for it in landings], 1.0, 0)])
@@ -272,24 +262,20 @@ def _touchdowns(flown: PageFlights, pilots: Sequence[str]) -> Iterator[str]:
     rig = flown.flights[0][0].rig
     touched = [(at, pilots.index(cell.pilot), it) for at, (cell, it) in enumerate(flown.flights) if it.touched]
 
-    def points(shown: Iterable[int], place: Callable[[Landing], tuple[float, float]]) -> list[Points]:
-        return [
-            Points(series, good, {at: place(it) for at, of, it in touched if of == series and it.success is good})
-            for series, good in product(shown, (True, False))
-        ]
+    def points(place: Callable[[Landing], tuple[float, float]]) -> list[Point]:
+        return [Point(at, series, it.success, *place(it)) for at, series, it in touched]
 
     half_m = math.ceil(6.5 * rig.deck_size_m) / 10.0
     outlines = ((rig.landing_area, rig.landing_square_m), ("square", rig.deck_size_m))
+    contacts = points(lambda it: (it.starboard_m, it.forward_m))
     for series, pilot in enumerate(pilots):
-        places = points([series], lambda it: (it.starboard_m, it.forward_m))
-        title, names = f"{pilot}: first contact", ("starboard [m]", "forward [m]")
-        yield point_chart(places, title, names, (half_m, half_m), outlines)
-    everybody = range(len(pilots))
-    places = points(everybody, lambda it: (it.deck_roll_deg, it.deck_pitch_deg))
-    yield point_chart(places, "The deck's attitude at contact", ("roll [°]", "pitch [°]"), (15.0, 8.0))
-    places = points(everybody, lambda it: (-it.deck_sink_mps, it.sink_mps))
+        mine, title = [it for it in contacts if it.series == series], f"{pilot}: first contact"
+        yield point_chart(mine, title, ("starboard [m]", "forward [m]"), (half_m, half_m), outlines)
+    attitudes = points(lambda it: (it.deck_roll_deg, it.deck_pitch_deg))
+    yield point_chart(attitudes, "The deck's attitude at contact", ("roll [°]", "pitch [°]"), (15.0, 8.0))
+    sinks = points(lambda it: (-it.deck_sink_mps, it.sink_mps))
     names = ("deck's heave rate, up [m/s]", "sink [m/s]")
-    yield point_chart(places, "Sink against the deck at contact", names, (1.0, 2.0), low=0.0)
+    yield point_chart(sinks, "Sink against the deck at contact", names, (1.0, 2.0), low=0.0)
 
 
 def _causes(by_pilot: Mapping[str, Sequence[Landing]]) -> str:
@@ -301,21 +287,20 @@ def _causes(by_pilot: Mapping[str, Sequence[Landing]]) -> str:
     return html_table(["cause", *by_pilot], rows, first_number=1)
 
 
-def _failures(page: PageFlights, area: str) -> str:
-    failed = [at for at, (_, it) in enumerate(page.flights) if not it.success]
+def _failures(flown: PageFlights) -> str:
+    failed = [(cell, it) for cell, it in flown.flights if not it.success]
     if not failed:
         return ""
     rows = []
-    for at in failed[:_MOST_LISTED]:
-        cell, it = page.flights[at]
+    for cell, it in failed[:_MOST_LISTED]:
         texts = [cell.name, str(it.seed), it.cause, it.reason, it.conditions.faults]
         words = "".join(f"<td>{html.escape(text)}</td>" for text in texts)
-        rows.append(f'<tr data-outcome="{page.outcome(it)}">{words}<td>{page.again(at)}</td></tr>')
+        rows.append(f'<tr data-outcome="{flown.outcome(it)}">{words}<td>{flown.again(cell, it)}</td></tr>')
     names = ("cell", "seed", "cause", "in words", "what was made to fail", "again")
     head = "".join(f"<th>{name}</th>" for name in names)
     more = f"<p>{len(failed) - _MOST_LISTED} more in flights.csv.</p>" if len(failed) > _MOST_LISTED else ""
     return (
-        f"<details><summary>{len(failed)} flights that did not land in the {area}</summary>"
+        f"<details><summary>{len(failed)} flights that did not land in the {flown.area}</summary>"
         f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>{more}'
         "</details>"
     )

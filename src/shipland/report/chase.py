@@ -9,8 +9,8 @@ import numpy as np
 from shipland.camera import Camera
 from shipland.frames import Array, Pose
 from shipland.messages import GroundTruth
-from shipland.report.overlay import STRIP_WIDTH_PX
-from shipland.report.video import CHASE_WIDTH_PX, Chase
+from shipland.report.overlay import STRIP_WIDTH_PX, TRACES_WIDTH_PX
+from shipland.report.video import Chase
 from shipland.sim.state import SceneState
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ _HORIZONTAL_FOV_DEG = 52.0
 def chase_camera(camera: Camera) -> Camera:
     """Intrinsics of the outside view that stands beside the pictures of `camera` in the video."""
     height_px = 2 * round(0.5 * STRIP_WIDTH_PX * camera.height_px / camera.width_px)
-    return Camera.from_fov(CHASE_WIDTH_PX, height_px, _HORIZONTAL_FOV_DEG)
+    return Camera.from_fov(TRACES_WIDTH_PX, height_px, _HORIZONTAL_FOV_DEG)
 
 
 def chase_state(truth: GroundTruth, scale: float = 1.0, full_ship: bool = False) -> SceneState:
@@ -39,9 +39,7 @@ def chase_state(truth: GroundTruth, scale: float = 1.0, full_ship: bool = False)
     eye_m = aircraft_m + level @ (scale * _BEHIND_RIGHT_UP_M * [1.0, 1.0, -1.0])
     eye_m[2] = min(eye_m[2], -_LOWEST_M)
     to_ship_m = truth.ned_from_ship.translation_m - aircraft_m
-    distance_m = float(np.linalg.norm(to_ship_m))
-    aim_m = aircraft_m + to_ship_m * min(0.5, scale * _LOOK_AHEAD_M / max(distance_m, 1e-9))
-    zero = np.zeros(3)
+    aim_m = aircraft_m + to_ship_m * min(0.5, scale * _LOOK_AHEAD_M / max(float(np.linalg.norm(to_ship_m)), 1e-9))
     return SceneState(
         t_s=truth.t_s,
         ned_from_camera=look_at(eye_m, aim_m),
@@ -49,8 +47,8 @@ def chase_state(truth: GroundTruth, scale: float = 1.0, full_ship: bool = False)
         ned_from_deck=truth.ned_from_deck,
         ned_from_bar=truth.ned_from_bar,
         ned_from_body=truth.ned_from_body,
-        camera_velocity_in_ned_mps=zero,
-        camera_rate_in_camera_rad_s=zero,
+        camera_velocity_in_ned_mps=np.zeros(3),
+        camera_rate_in_camera_rad_s=np.zeros(3),
         waves_off=truth.waves_off,
     )
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -38,18 +38,18 @@ _CONTEXT: dict[str, Any] = {
     "examples": {"@id": "cr:examples", "@type": "@json"},
 }
 _TYPES = {"i": "sc:Integer", "f": "sc:Float", "b": "sc:Boolean"}
-_FORMS = {".json": "application/json", ".mp4": "video/mp4", ".parquet": "application/x-parquet"}
+_FORMS = {".csv": "text/csv", ".json": "application/json", ".mp4": "video/mp4", ".parquet": "application/x-parquet",
+          ".zip": "application/zip"}  # fmt: skip
 _PACKED = {
     "logs.zip": ("logs", "application/octet-stream", "*.mcap", "flight logs: a row a cycle, in Foxglove's schemas"),
     "pictures.zip": ("images", "image/png", "*.png", "FLIGHT/NUMBER.png, as the logs keep them"),
 }
 _LICENCES = {
     "CC0-1.0": "https://creativecommons.org/publicdomain/zero/1.0/",
-    "CC-BY-4.0": "https://creativecommons.org/licenses/by/4.0/",
-    "CC-BY-SA-4.0": "https://creativecommons.org/licenses/by-sa/4.0/",
-    "CC-BY-NC-4.0": "https://creativecommons.org/licenses/by-nc/4.0/",
-    "CC-BY-NC-SA-4.0": "https://creativecommons.org/licenses/by-nc-sa/4.0/",
-    "CC-BY-ND-4.0": "https://creativecommons.org/licenses/by-nd/4.0/",
+    **{
+        f"CC-{kind.upper()}-4.0": f"https://creativecommons.org/licenses/{kind}/4.0/"
+        for kind in ("by", "by-sa", "by-nc", "by-nc-sa", "by-nd")
+    },
     "CDLA-Permissive-2.0": "https://cdla.dev/permissive-2-0/",
     "ODC-By-1.0": "https://opendatacommons.org/licenses/by/1-0/",
     "ODbL-1.0": "https://opendatacommons.org/licenses/odbl/1-0/",
@@ -111,63 +111,23 @@ def write_dataset(
     if (lerobot or pictures) and not logs:
         raise DataError(f"{folder} keeps no logs, which this is made of: `shipland campaign --logs` keeps them")
     out.mkdir(parents=True, exist_ok=True)
-    files: dict[str, str] = {}
-    tables: dict[str, list[tuple[str, str]]] = {}
+    files: list[Path] = []
+    sets: list[dict[str, Any]] = []
     if lerobot:  # first, as it refuses
         write_lerobot(logs, out / "lerobot")
-        inside = [path for path in sorted((out / "lerobot").rglob("*")) if path.is_file()]
-        files |= {path.relative_to(out).as_posix(): _FORMS[path.suffix] for path in inside}
+        files += [path for path in sorted((out / "lerobot").rglob("*")) if path.is_file()]
     if pictures:
-        tables["pictures"] = _write_table(out, "pictures", pack_pictures(logs, out / "pictures.zip"), files)
-        files["pictures.zip"] = "application/zip"
+        sets.append(_write_table(out / "pictures", pack_pictures(logs, out / "pictures.zip"), files))
+        files.append(out / "pictures.zip")
     if cells:
-        tables["landings"] = _write_table(out, "landings", list(rows_of(cells)), files)
+        sets.append(_write_table(out / "landings", list(rows_of(cells)), files))
     if logs:
-        with zipfile.ZipFile(out / "logs.zip", "w", zipfile.ZIP_STORED) as packed:  # a log is compressed
+        files.append(out / "logs.zip")
+        with zipfile.ZipFile(files[-1], "w", zipfile.ZIP_STORED) as packed:  # a log is compressed
             for name, log in logs.items():
                 packed.writestr(zipfile.ZipInfo(f"{name}.mcap"), log.read_bytes())
-        files["logs.zip"] = "application/zip"
     flights = sum(len(cell.landings) for cell in cells) or len(logs)
-    write_atomically(out / "croissant.json", json_bytes(_card(out, described, files, tables, flights)))
-    return [*dict.fromkeys(name.partition("/")[0] for name in files), "croissant.json"]
-
-
-def _write_table(
-    out: Path, name: str, rows: Sequence[Mapping[str, Any]], files: dict[str, str]
-) -> list[tuple[str, str]]:
-    """Rows as CSV and, with pyarrow, Parquet, noted in `files`; each column's name and Croissant's type of it."""
-    write_csv(out / f"{name}.csv", list(rows[0]), (as_text(dict(row)) for row in rows))
-    files[f"{name}.csv"] = "text/csv"
-    columns = {column: column_of(column, [row[column] for row in rows]) for column in rows[0]}
-    if installed("dataset"):
-        import pyarrow
-        from pyarrow import parquet
-
-        table = pyarrow.table({column: values.tolist() for column, values in columns.items()})
-        parquet.write_table(table, out / f"{name}.parquet")
-        files[f"{name}.parquet"] = _FORMS[".parquet"]
-    return [(column, _TYPES.get(values.dtype.kind, "sc:Text")) for column, values in columns.items()]
-
-
-def _card(
-    out: Path,
-    described: Described,
-    files: Mapping[str, str],
-    tables: Mapping[str, Sequence[tuple[str, str]]],
-    flights: int,
-) -> dict[str, Any]:
-    objects: list[dict[str, Any]] = []
-    for name, form in files.items():
-        with (out / name).open("rb") as stream:
-            digest = hashlib.file_digest(stream, "sha256").hexdigest()
-        size = f"{(out / name).stat().st_size} B"
-        objects.append({"@type": "cr:FileObject", "@id": name, "name": name, "contentUrl": name, "contentSize": size,
-                        "encodingFormat": form, "sha256": digest})  # fmt: skip
-    for packed, (name, form, pattern, said) in _PACKED.items():
-        if packed in files:
-            objects.append({"@type": "cr:FileSet", "@id": name, "name": name, "containedIn": {"@id": packed},
-                            "description": said, "encodingFormat": form, "includes": pattern})  # fmt: skip
-    return {
+    card = {
         "@context": _CONTEXT,
         "@type": "sc:Dataset",
         "conformsTo": "http://mlcommons.org/croissant/1.0",
@@ -176,22 +136,48 @@ def _card(
         "license": described.licence,
         "url": described.url,
         "version": "1.0.0",
-        "distribution": objects,
-        "recordSet": [_record_set(name, columns) for name, columns in tables.items()],
+        "distribution": [*_objects(out, files)],
+        "recordSet": sets,
     }
+    write_atomically(out / "croissant.json", json_bytes(card))
+    return [*dict.fromkeys(path.relative_to(out).parts[0] for path in files), "croissant.json"]
 
 
-def _record_set(table: str, columns: Sequence[tuple[str, str]]) -> dict[str, Any]:
-    """What each column of a table means."""
+def _write_table(path: Path, rows: Sequence[Mapping[str, Any]], files: list[Path]) -> dict[str, Any]:
+    """Rows as CSV and, with pyarrow, Parquet, noted in `files`; the card's entry: what each column means."""
+    files.append(path.with_suffix(".csv"))
+    write_csv(files[-1], list(rows[0]), (as_text(dict(row)) for row in rows))
+    columns = {column: column_of(column, [row[column] for row in rows]) for column in rows[0]}
+    if installed("dataset"):
+        import pyarrow
+        from pyarrow import parquet
+
+        files.append(path.with_suffix(".parquet"))
+        parquet.write_table(pyarrow.table({name: values.tolist() for name, values in columns.items()}), files[-1])
     meanings = _BESIDE | descriptions(Landing) | descriptions(Phases) | descriptions(Conditions)
     fields = []
-    for column, kind in columns:
+    for column, values in columns.items():
         by_start = next((text for start, text in MEANINGS.items() if column.startswith(start)), "")
         said = meanings.get(column) or by_start or f"the cell's value of the setting {column}"
-        unit, name = unit_of(column), f"{table}/{column}"
+        unit, name = unit_of(column), f"{path.name}/{column}"
         said = f"{said.rstrip('.')} [{unit}]" if unit else said
-        source = {"fileObject": {"@id": f"{table}.csv"}, "extract": {"column": column}}
+        kind = _TYPES.get(values.dtype.kind, "sc:Text")
+        source = {"fileObject": {"@id": f"{path.name}.csv"}, "extract": {"column": column}}
         fields.append({"@type": "cr:Field", "@id": name, "name": name, "description": said, "dataType": kind,
                        "source": source})  # fmt: skip
-    about = {"@type": "cr:RecordSet", "@id": table, "name": table, "description": f"a row for each of the {table}"}
-    return about | {"field": fields}
+    return {"@type": "cr:RecordSet", "@id": path.name, "name": path.name,
+            "description": f"a row for each of the {path.name}", "field": fields}  # fmt: skip
+
+
+def _objects(out: Path, files: Sequence[Path]) -> Iterator[dict[str, Any]]:
+    """The card's entries of files, and of what zip files hold."""
+    for path in files:
+        name, size = path.relative_to(out).as_posix(), f"{path.stat().st_size} B"
+        with path.open("rb") as stream:
+            digest = hashlib.file_digest(stream, "sha256").hexdigest()
+        yield {"@type": "cr:FileObject", "@id": name, "name": name, "contentUrl": name, "contentSize": size,
+               "encodingFormat": _FORMS[path.suffix], "sha256": digest}  # fmt: skip
+    for packed, (name, form, pattern, said) in _PACKED.items():
+        if out / packed in files:
+            yield {"@type": "cr:FileSet", "@id": name, "name": name, "containedIn": {"@id": packed},
+                   "description": said, "encodingFormat": form, "includes": pattern}  # fmt: skip

@@ -17,17 +17,17 @@ from shipland.report.video import VideoParameters, VideoWriter
 from shipland.vision.pictures import FilePicture, Picture, is_film
 
 _FILM = VideoParameters(crf=23.0, preset="medium", tune="film")
-_GREEN_BGR, _DARK_BGR = (80, 230, 40), (20, 20, 20)
+_OUTLINED = ((3, (20, 20, 20)), (1, (80, 230, 40)))
+"""Thickness and colour of a line and of what stands out around it."""
 
 
 class Drawings(AbstractContextManager["Drawings"]):
     """The folder that drawings go to; a context manager. Pictures become .jpg, films .mp4 with their times."""
 
     def __init__(self, out: Path) -> None:
-        self._out = out
+        self._out, self._first_s = out, 0.0
         self._taken: set[Path] = set()
         self._video: VideoWriter | None = None
-        self._first_s = 0.0
 
     def __exit__(self, *_: object) -> None:
         if self._video is not None:
@@ -59,9 +59,8 @@ class Drawings(AbstractContextManager["Drawings"]):
 
 def draw_observation(picture: Picture, observation: Observation) -> Picture:
     """A copy of a picture (h,w,3) BGR with the corners of the cue and a line of text below."""
-    drawn = picture.copy()
+    drawn, pose = picture.copy(), observation.bar_pose
     draw_sight(drawn, observation, 1.0)
-    pose = observation.bar_pose
     text = f"not found: {observation.reason}"
     if pose is not None:
         forward_m, right_m, down_m = pose.position_in_bar_m
@@ -73,13 +72,12 @@ def draw_observation(picture: Picture, observation: Observation) -> Picture:
 
 def draw_boxes(picture: Picture, boxes: tuple[tuple[Box, str], ...]) -> Picture:
     """A copy of a picture (h,w,3) BGR with frames just outside the boxes, each with its class and confidence."""
-    drawn = picture.copy()
-    scale = _scale(drawn)
+    drawn, scale = picture.copy(), _scale(picture)
     for box, name in boxes:
         centre, half = np.array(box.centre_px), 0.5 * np.array(box.size_px) + 2.0 * scale
         left, top, right, bottom = (int(value) for value in np.round([*(centre - half), *(centre + half)]))
-        for colour, thick in ((_DARK_BGR, 3 * scale), (_GREEN_BGR, scale)):
-            cv2.rectangle(drawn, (left, top), (right, bottom), colour, thick)
+        for thick, colour in _OUTLINED:
+            cv2.rectangle(drawn, (left, top), (right, bottom), colour, thick * scale)
         above = top - 6 * scale if top > 24 * scale else bottom + 18 * scale
         _write(drawn, f"{name} {100.0 * box.confidence:.0f} %", (left, above))
     return drawn
@@ -91,5 +89,5 @@ def _scale(picture: Picture) -> int:
 
 def _write(picture: Picture, text: str, place_px: tuple[int, int]) -> None:
     scale = _scale(picture)
-    for colour, thick in ((_DARK_BGR, 3 * scale), (_GREEN_BGR, scale)):
-        cv2.putText(picture, text, place_px, cv2.FONT_HERSHEY_SIMPLEX, 0.5 * scale, colour, thick, cv2.LINE_AA)
+    for thick, colour in _OUTLINED:
+        cv2.putText(picture, text, place_px, cv2.FONT_HERSHEY_SIMPLEX, 0.5 * scale, colour, thick * scale, cv2.LINE_AA)

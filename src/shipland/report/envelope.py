@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from shipland.evaluation.envelope import KNOT_MPS, NATOPS_PITCH_DEG, NATOPS_ROLL_DEG, RATINGS, Envelope
-from shipland.figures import PLOT_STYLE, new_figure, save_figure
+from shipland.evaluation.tables import markdown
+from shipland.figures import save_figure, styled
 from shipland.files import json_bytes, write_atomically
 from shipland.report.palette import VERMILION, unit
 from shipland.scenario.scenario import Scenario
@@ -100,51 +100,47 @@ def title_of(envelope: Envelope) -> str:
 
 
 def _page(envelope: Envelope) -> Iterator[str]:
-    deck, rows = envelope.deck, envelope.rows
+    deck, rows, height_m = envelope.deck, envelope.rows, _height_m(envelope.scenario)
     yield f"## {title_of(envelope)}\n"
-    flights, height_m = sum(row["flights"] for row in rows), _height_m(envelope.scenario)
     height = "the same at every height" if height_m is None else f"at {height_m:g} m over the surface"
     yield (
-        f"{len(rows)} cells, {flights} flights. Wind over deck: {height}, direction that it comes from, clockwise off "
-        f"the bow. The border: where the share of flights that land falls below {100 * envelope.rate:g} %. The deck, "
-        f"significant single amplitudes: roll {deck['roll_deg']:.1f}°, pitch {deck['pitch_deg']:.1f}°, vertical speed "
-        f"{deck['vertical_mps']:.2f} m/s.\n"
+        f"{len(rows)} cells, {sum(row['flights'] for row in rows)} flights. Wind over deck: {height}, direction that "
+        f"it comes from, clockwise off the bow. The border: where the share of flights that land falls below "
+        f"{100 * envelope.rate:g} %. The deck, significant single amplitudes: roll {deck['roll_deg']:.1f}°, pitch "
+        f"{deck['pitch_deg']:.1f}°, vertical speed {deck['vertical_mps']:.2f} m/s.\n"
     )
-    yield "| wind from [°] | border [kn] | [m/s] |\n|---:|---:|---:|"
-    for direction, (wind_kn, bound) in sorted(envelope.borders.items()):
-        word = f"{bound} " if bound else ""
-        yield f"| {direction:03.0f} | {word}{wind_kn:.1f} | {word}{wind_kn * KNOT_MPS:.1f} |"
-    yield "\n" + "\n".join(cells_table(rows)) + "\n"
-    yield "| limit | value | source |\n|---|---:|---|"
-    for limit in limits_of(envelope.scenario):
-        value = "–" if limit["limit"] is None else format(limit["limit"], "g")
-        yield f"| {limit['what']} | {value} | {limit['source']} |"
-    yield "\n| rating | meaning |\n|---:|---|"
-    for rating, meaning in RATINGS.items():
-        yield f"| {rating} | {meaning} |"
+    borders = [
+        [f"{direction:03.0f}", f"{bound} {wind_kn:.1f}".lstrip(), f"{bound} {wind_kn * KNOT_MPS:.1f}".lstrip()]
+        for direction, (wind_kn, bound) in sorted(envelope.borders.items())
+    ]
+    yield markdown(("wind from [°]", "border [kn]", "[m/s]"), borders, left=()) + "\n"
+    yield _cells_table(rows)
+    limits = [(it["what"], _number(it["limit"], "g"), it["source"]) for it in limits_of(envelope.scenario)]
+    yield "\n" + markdown(("limit", "value", "source"), limits, ("limit", "source"))
+    yield "\n" + markdown(("rating", "meaning"), RATINGS.items(), ("meaning",))
 
 
-def cells_table(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Markdown, a line a cell."""
-    yield (
-        "| from [°] | over deck [kn] | flights | landed in the area [%] (95 %) | rating | outside | bad | refused "
-        "| waved off | sink, 90 % [m/s] | drift, 90 % [m/s] | tilt, 90 % [°] | deck beyond NATOPS' | causes |"
-    )
-    yield "|" + "---:|" * 13 + "---|"
+def _cells_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    head = ("from [°]", "over deck [kn]", "flights", "landed in the area [%] (95 %)", "rating", "outside", "bad",
+            "refused", "waved off", "sink, 90 % [m/s]", "drift, 90 % [m/s]", "tilt, 90 % [°]", "deck beyond NATOPS'",
+            "causes")  # fmt: skip
+    cells = []
     for row in rows:
-        good = row["success"]
-        shares = f"{100 * good['value']:.0f} ({100 * good['low']:.0f}–{100 * good['high']:.0f})"
-        counts = " | ".join(str(row[name]) for name in ("rating", "outside", "bad", "refused", "wave_offs"))
-        worst = " | ".join(
-            "–" if row[name] is None else format(row[name], form)
-            for name, form in (("sink_mps_90", ".2f"), ("slide_mps_90", ".2f"), ("tilt_deg_90", ".0f"))
-        )
-        place = f"{row['off_bow_deg']:03.0f} | {row['wind_kn']:g} | {row['flights']}"
-        yield f"| {place} | {shares} | {counts} | {worst} | {row['beyond_natops']} | {row['causes']} |"
+        low, share, high = (100 * row["success"][name] for name in ("low", "value", "high"))
+        counts = [row[name] for name in ("rating", "outside", "bad", "refused", "wave_offs")]
+        forms = {"sink_mps_90": ".2f", "slide_mps_90": ".2f", "tilt_deg_90": ".0f"}
+        worst = [_number(row[name], form) for name, form in forms.items()]
+        place = [f"{row['off_bow_deg']:03.0f}", f"{row['wind_kn']:g}", row["flights"]]
+        shares = f"{share:.0f} ({low:.0f}–{high:.0f})"
+        cells.append([*place, shares, *counts, *worst, row["beyond_natops"], row["causes"]])
+    return markdown(head, cells, left=("causes",))
 
 
-@dataclass(frozen=True)
-class Panel:
+def _number(value: float | None, form: str) -> str:
+    return "–" if value is None else format(value, form)
+
+
+class Panel(NamedTuple):
     """One polar diagram: its borders as of `Envelope`.
 
     Its rows are cells, with at least `off_bow_deg`, `wind_kn`, `success`, `rating`, `refused`, `flights`.
@@ -157,31 +153,31 @@ class Panel:
 
 def draw_envelopes(panels: Sequence[Panel], rate: float) -> Figure:
     """Polar diagrams: bow up, wind over deck where it comes from, knots on the radius with m/s beside them."""
-    import matplotlib as mpl
+    from matplotlib.cm import ScalarMappable
     from matplotlib.colors import BoundaryNorm
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     across, down = min(2, len(panels)), math.ceil(len(panels) / min(2, len(panels)))
-    with mpl.rc_context({**PLOT_STYLE, "hatch.linewidth": 0.5, "axes.grid": False}):
-        figure = new_figure(7.6 * across, 8.2 * down + 1.4)
-        scale = mpl.cm.ScalarMappable(BoundaryNorm(_SHARES, 256), "cividis")
+    with styled((7.6 * across, 8.2 * down + 1.4), grid=False) as figure:
+        scale = ScalarMappable(BoundaryNorm(_SHARES, 256), "cividis")
         places = [figure.add_subplot(down, across, at, projection="polar") for at in range(1, len(panels) + 1)]
-        drawn = [_draw_polar(axes, each, scale) for axes, each in zip(places, panels, strict=True)]
+        for axes, panel in zip(places, panels, strict=True):
+            _draw_polar(axes, panel, scale)
         entries = [
             Line2D([], [], color=unit(VERMILION), lw=2.2, label=f"{100 * rate:g} % land; dotted: at the grid's edge"),
             Patch(fc="none", ec="black", hatch="////", label="one in ten or more never touched the deck"),
             Line2D([], [], color="none", marker="$3$", mfc="black", mec="none", label="rating, 1–3 acceptable"),
         ]
-        bar = figure.colorbar(scale, ax=drawn, orientation="horizontal", shrink=0.6 / across, pad=0.03, aspect=40)
+        bar = figure.colorbar(scale, ax=places, orientation="horizontal", shrink=0.6 / across, pad=0.03, aspect=40)
         bar.set_ticks(_SHARES, labels=[f"{100 * share:.0f}" for share in _SHARES])
         bar.set_label("flights that landed [%]")
         words = f"Wind over deck, where it comes from, bow up. {NO_RELEASE.partition(':')[0]}."
         figure.legend(handles=entries, loc="outside lower center", ncols=3, fontsize=8.0, title=words)
-        return figure
+    return figure
 
 
-def _draw_polar(axes: Any, panel: Panel, scale: Any) -> Any:  # noqa: ANN401
+def _draw_polar(axes: Any, panel: Panel, scale: Any) -> None:  # noqa: ANN401
     axes.set_theta_zero_location("N")
     axes.set_theta_direction(-1)
     directions = sorted({row["off_bow_deg"] for row in panel.rows})
@@ -213,26 +209,22 @@ def _draw_polar(axes: Any, panel: Panel, scale: Any) -> Any:  # noqa: ANN401
     axes.set_axisbelow(False)
     _draw_ship(axes, most_kn)
     axes.set_title(panel.title, loc="center", pad=16.0)
-    return axes
 
 
 def _sectors(directions: Sequence[float]) -> list[tuple[float, float]]:
     """Left and right edge of each direction's sector [deg], halfway to its neighbours; at most 30° wide either side."""
     if len(directions) == 1:
         return [(directions[0] - 15.0, directions[0] + 15.0)]
-    before = [directions[-1] - 360.0, *directions[:-1]]
-    after = [*directions[1:], directions[0] + 360.0]
-    halves = [min(b - a, c - b) / 2.0 for a, b, c in zip(before, directions, after, strict=True)]
-    return [(at - half, at + half) for at, half in zip(directions, (min(half, 30.0) for half in halves), strict=True)]
+    gaps = np.diff([*directions, directions[0] + 360.0])
+    halves = np.minimum(np.minimum(gaps, np.roll(gaps, 1)) / 2.0, 30.0).tolist()
+    return [(at - half, at + half) for at, half in zip(directions, halves, strict=True)]
 
 
 def _rings(speeds: Sequence[float]) -> list[tuple[float, float]]:
     """Inner and outer edge of each speed's ring, halfway to its neighbours."""
-    middles = [0.5 * (a + b) for a, b in pairwise(speeds)]
-    step = speeds[0] if len(speeds) == 1 else speeds[1] - speeds[0]
-    last = speeds[-1] + (0.5 * step if len(speeds) == 1 else speeds[-1] - middles[-1])
-    edges = [max(0.0, speeds[0] - 0.5 * step), *middles, last]
-    return list(pairwise(edges))
+    steps = np.diff(speeds).tolist() or [speeds[0]]
+    middles = [0.5 * (slower + faster) for slower, faster in pairwise(speeds)]
+    return list(pairwise([max(0.0, speeds[0] - 0.5 * steps[0]), *middles, speeds[-1] + 0.5 * steps[-1]]))
 
 
 def _draw_border(axes: Any, directions: Sequence[float], borders: Mapping[float, tuple[float, str]]) -> None:  # noqa: ANN401
@@ -240,9 +232,8 @@ def _draw_border(axes: Any, directions: Sequence[float], borders: Mapping[float,
     closed = [*directions, directions[0] + 360.0] if len(directions) > 2 else list(directions)
     for first, second in pairwise(closed):
         ends = [borders[first % 360.0], borders[second % 360.0]]
-        angles = np.radians([first, second])
         style = ":" if any(bound for _, bound in ends) else "-"
-        axes.plot(angles, [wind_kn for wind_kn, _ in ends], style, color=unit(VERMILION), lw=2.2)
+        axes.plot(np.radians([first, second]), [wind_kn for wind_kn, _ in ends], style, color=unit(VERMILION), lw=2.2)
 
 
 def _draw_ship(axes: Any, most_kn: float) -> None:  # noqa: ANN401

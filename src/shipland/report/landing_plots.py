@@ -18,7 +18,7 @@ from shipland.evaluation.tables import causes_table, landings_table, modes_table
 from shipland.evaluation.tally import Tally
 from shipland.extras import installed
 from shipland.factories import name_of
-from shipland.figures import PLOT_STYLE, drawn, new_figure
+from shipland.figures import drawn, styled
 from shipland.files import writing
 from shipland.frames import Array
 from shipland.report.palette import BLUE, GREEN, VERMILION, unit
@@ -55,12 +55,11 @@ class DeckTrace:
     def curves(self) -> list[tuple[str, Array]]:
         """The coordinates that move, with their names, angles first."""
         surge_m, sway_m, down_m, *angles_rad = self.displacement.T
-        named = [(f"{name} [°]", np.degrees(angle)) for name, angle in zip(_ANGLES, angles_rad, strict=True)]
-        named += [("surge [m]", surge_m), ("sway [m]", sway_m), ("heave, up [m]", -down_m)]
-        return [(name, values) for name, values in named if np.ptp(values) > _STILL]
+        named = dict(zip(("roll [°]", "pitch [°]", "yaw [°]"), np.degrees(angles_rad), strict=True))
+        named |= {"surge [m]": surge_m, "sway [m]": sway_m, "heave, up [m]": -down_m}
+        return [(name, values) for name, values in named.items() if np.ptp(values) > _STILL]
 
 
-_ANGLES = ("roll", "pitch", "yaw")
 _STILL = 1e-6
 """A coordinate that moves by less, in metres or degrees, is not drawn."""
 
@@ -106,20 +105,16 @@ def draw_touchdowns(axes: Axes, touchdowns: Sequence[Touchdown], rig: Rig, title
 
 def plot_cells(cells: Sequence[CellResult]) -> Figure:
     """Where each pilot's landings touched, on the first cell's rig, and each cell's share with its interval."""
-    import matplotlib as mpl
-
     pilots = list(dict.fromkeys(cell.pilot for cell in cells))
-    with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(5.2 * (len(pilots) + 1), max(5.4, 2.0 + 0.32 * len(cells)))
+    with styled((5.2 * (len(pilots) + 1), max(5.4, 2.0 + 0.32 * len(cells)))) as figure:
         *pads, shares = figure.subplots(1, len(pilots) + 1)
         for pilot, axes in zip(pilots, pads, strict=True):
             landings = [landing for cell in cells if cell.pilot == pilot for landing in cell.landings]
             draw_touchdowns(axes, touchdowns_of(landings), cells[0].rig, pilot)
         for row, cell in enumerate(cells):
             tally = Tally.of(cell.landings)
-            low, high = tally.interval
             colour = unit(SERIES[pilots.index(cell.pilot) % len(SERIES)])
-            shares.plot([100 * low, 100 * high], [row, row], color=colour, linewidth=2.0)
+            shares.plot(100 * np.array(tally.interval), [row, row], color=colour, linewidth=2.0)
             shares.plot(100 * tally.share, row, "o", color=colour)
         shares.set_yticks(range(len(cells)), [cell.name for cell in cells])
         shares.set(xlim=(-2.0, 102.0), ylim=(len(cells) - 0.5, -0.5))
@@ -166,24 +161,22 @@ def plot_instants(path: Path, trace: DeckTrace, touchdowns: Sequence[Touchdown],
 
 def write_campaign(folder: Path, cell: Cell, landings: Sequence[Landing]) -> None:
     """Write `table.md` and, with `plots`, `landings.png` and, of one motion, `instants.png`; or a DataError."""
-    scenario, area = cell.scenario, cell.scenario.rig.landing_area
-    tables = [landings_table(landings, area), causes_table(landings), modes_table(landings)]
-    tables.append(rules_table(landings, scenario.rig))
+    scenario, rig = cell.scenario, cell.scenario.rig
+    tables = [landings_table(landings, rig.landing_area), causes_table(landings), modes_table(landings)]
+    tables.append(rules_table(landings, rig))
     with writing(folder / "table.md"):
         (folder / "table.md").write_text("\n\n".join(filter(None, tables)) + "\n", encoding="utf-8")
     if not installed("plots"):
         return
     touchdowns = touchdowns_of(landings)
     title = f"{scenario.name}, pilot {name_of(cell.pilot)}, vision {name_of(cell.vision)}"
-    plot_touchdowns(folder / "landings.png", touchdowns, scenario.rig, title)
+    plot_touchdowns(folder / "landings.png", touchdowns, rig, title)
     if scenario.ship.same_motion:
         plot_instants(folder / "instants.png", deck_trace(scenario, landings), touchdowns, title)
 
 
 def deck_trace(scenario: Scenario, landings: Sequence[Landing]) -> DeckTrace:
     """The one motion that every flight meets with `ship.same_motion`, to five seconds after the last landing."""
-    parameters = replace(scenario.ship, instant_range_s=0.0)
-    ship = build_ship(parameters, scenario.rig, np.random.default_rng(0))
+    ship = build_ship(replace(scenario.ship, instant_range_s=0.0), scenario.rig, np.random.default_rng(0))
     t_s = np.arange(0.0, max(landing.instant_s for landing in landings) + 5.0, 0.05)
-    motion = np.array([ship.at(float(t)).deck.displacement for t in t_s])
-    return DeckTrace(t_s, motion)
+    return DeckTrace(t_s, np.array([ship.at(t).deck.displacement for t in t_s.tolist()]))

@@ -22,7 +22,7 @@ from shipland.extras import require
 from shipland.files import json_bytes, replacing, write_atomically
 from shipland.record.observations import Observer, flat_names
 from shipland.record.reader import read_log
-from shipland.report.palette import STICK_NAMES
+from shipland.report.palette import STICKS
 from shipland.report.posed_pictures import pictures_of
 from shipland.report.video import VideoParameters, VideoWriter
 
@@ -76,28 +76,24 @@ def write_lerobot(logs: Mapping[str, Path], root: Path) -> None:
         if odd := next((flight for flight in flights if flight.shape != flights[0].shape), None):
             raise DataError(f"pictures of {odd.path} are of another size than {flights[0].path}'s: give those of one")
     taken = [np.array(it.pictured if filmed else range(len(it.t_s))) for it in flights]
-    times_s = [flight.t_s[cycles] for flight, cycles in zip(flights, taken, strict=True)]
-    steps_s = np.concatenate([np.diff(t_s) for t_s in times_s])
+    steps_s = np.concatenate([np.diff(flight.t_s[cycles]) for flight, cycles in zip(flights, taken, strict=True)])
     steps_s = steps_s[steps_s > 0.0]  # a cycle of telemetry alone repeats an exposure
     fps = max(1, round(1.0 / float(np.mean(steps_s[steps_s < 1.5 * np.median(steps_s)]))))
     with replacing(root) as beside:
-        _write_flights(beside, flights, list(zip(taken, times_s, strict=True)), fps, filmed=filmed)
+        _write_flights(beside, flights, taken, fps, filmed=filmed)
 
 
 def _write_flights(
-    root: Path,
-    flights: Sequence[_Flight],
-    taken: Sequence[tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]],
-    fps: int,
-    *,
-    filmed: bool,
+    root: Path, flights: Sequence[_Flight], taken: Sequence[npt.NDArray[np.int64]], fps: int, *, filmed: bool
 ) -> None:
-    """Write the cycles taken of each flight, with their times [s]."""
+    """Write of the cycles taken of each flight those nearest to the ticks."""
     tasks = sorted({flight.task for flight in flights})
     episodes: list[dict[str, Any]] = []
     columns: list[Columns] = []
-    for number, (flight, (cycles, t_s)) in enumerate(zip(flights, taken, strict=True)):
-        nearest = _nearest(t_s, fps)
+    for number, (flight, cycles) in enumerate(zip(flights, taken, strict=True)):
+        t_s = flight.t_s[cycles]
+        ticks_s = t_s[0] + np.arange(round((t_s[-1] - t_s[0]) * fps) + 1) / fps
+        nearest = np.searchsorted(0.5 * (t_s[1:] + t_s[:-1]), ticks_s)
         start = sum(episode["length"] for episode in episodes)
         numbers = {"episode_index": number, "task_index": tasks.index(flight.task)}
         columns.append(_columns(flight, cycles[nearest], start, numbers, fps))
@@ -108,26 +104,22 @@ def _write_flights(
     _write_tables(root, columns, tasks, episodes)
     whole = {name: np.concatenate([each[name] for each in columns]) for name in columns[0]}
     write_atomically(root / "meta/stats.json", json_bytes({name: _stats(values) for name, values in whole.items()}))
-    features = {name: _feature(name, values, flights[0].shape, fps) for name, values in whole.items()}
-    write_atomically(root / "meta/info.json", json_bytes(_info(fps, features, len(tasks), episodes)))
-
-
-def _info(fps: int, features: Mapping[str, Any], tasks: int, episodes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    return {
+    info = {
         "codebase_version": "v3.0",
         "robot_type": "multirotor",
         "total_episodes": len(episodes),
         "total_frames": episodes[-1]["dataset_to_index"],
-        "total_tasks": tasks,
+        "total_tasks": len(tasks),
         "fps": fps,
         "splits": {"train": f"0:{len(episodes)}"},
         "chunks_size": 1000,
         "data_files_size_in_mb": 100,
         "video_files_size_in_mb": 200,
         "data_path": f"data/{_PATH}.parquet",
-        "video_path": f"videos/{{video_key}}/{_PATH}.mp4" if _FILM in features else None,
-        "features": features,
+        "video_path": f"videos/{{video_key}}/{_PATH}.mp4" if filmed else None,
+        "features": {name: _feature(name, values, flights[0].shape, fps) for name, values in whole.items()},
     }
+    write_atomically(root / "meta/info.json", json_bytes(info))
 
 
 def _read(name: str, path: Path) -> _Flight:
@@ -135,24 +127,18 @@ def _read(name: str, path: Path) -> _Flight:
     observer, sent = Observer(log.header.camera), None
     state, sticks = [], []
     for record in log.records:
-        entries = observer.take(record.observation, record.telemetry, sent)
+        state.append(np.concatenate([*observer.take(record.observation, record.telemetry, sent).values()]))
         sent = record.decision.command
-        state.append(np.concatenate(list(entries.values())))
         sticks.append([0.01 * percent for percent in sent.sticks_percent])
     t_s = np.array([record.frame.t_s for record in log.records], float)
     pictured, shape = [], (0, 0, 3)
     for cycle, image in pictures_of(path, t_s):
         pictured.append(cycle)
         shape = (image.shape[0] // 2 * 2, image.shape[1] // 2 * 2, 3)
-    task, success = f"land on the ship: {log.header.info.scenario}", log.verdict is not None and log.verdict.success
-    flown = np.array(state, np.float32), np.array(sticks, np.float32)
-    return _Flight(name, path, task, success, t_s, *flown, pictured, shape)
-
-
-def _nearest(t_s: npt.NDArray[np.float64], fps: int) -> npt.NDArray[np.int64]:
-    """Of each tick from the first time to the last, the index of the time nearest to it."""
-    ticks_s = t_s[0] + np.arange(round((t_s[-1] - t_s[0]) * fps) + 1) / fps
-    return np.asarray(np.searchsorted(0.5 * (t_s[1:] + t_s[:-1]), ticks_s))
+    return _Flight(
+        name, path, f"land on the ship: {log.header.info.scenario}", log.verdict is not None and log.verdict.success,
+        t_s, np.array(state, np.float32), np.array(sticks, np.float32), pictured, shape,
+    )  # fmt: skip
 
 
 def _columns(
@@ -217,8 +203,8 @@ def _stats(values: npt.NDArray[Any]) -> dict[str, list[Any]]:
     table = values.reshape(-1, 3) / 255.0 if pictures else values.reshape(len(values), -1).astype(float)
     found = {"min": table.min(0), "max": table.max(0), "mean": table.mean(0), "std": table.std(0)}
     found |= dict(zip(_QUANTILES, np.quantile(table, list(_QUANTILES.values()), axis=0), strict=True))
-    shaped = {word: it.reshape(3, 1, 1) if pictures else it for word, it in found.items()}
-    return {word: it.tolist() for word, it in shaped.items()} | {"count": [len(values)]}
+    shape = (3, 1, 1) if pictures else (-1,)
+    return {word: it.reshape(shape).tolist() for word, it in found.items()} | {"count": [len(values)]}
 
 
 def _feature(name: str, values: npt.NDArray[Any], shape: tuple[int, int, int], fps: int) -> dict[str, Any]:
@@ -227,7 +213,7 @@ def _feature(name: str, values: npt.NDArray[Any], shape: tuple[int, int, int], f
         info = {"codec": "h264", "pix_fmt": "yuv420p", "height": shape[0], "width": shape[1], "channels": 3, "fps": fps}
         about = {f"video.{word}": value for word, value in info.items()} | {"has_audio": False, "is_depth_map": False}
         return {"dtype": "video", "shape": shape, "names": ["height", "width", "channels"], "info": about}
-    names = {"observation.state": flat_names(), "action": list(STICK_NAMES)}.get(name)
+    names = {"observation.state": flat_names(), "action": list(STICKS)}.get(name)
     return {"dtype": str(values.dtype), "shape": [len(names) if names else 1], "names": names}
 
 
@@ -239,9 +225,7 @@ def _write_tables(
     from pyarrow import parquet
 
     def array(values: npt.NDArray[Any]) -> Any:  # noqa: ANN401 - pyarrow's
-        if values.ndim == 1:
-            return pa.array(values)
-        return pa.FixedSizeListArray.from_arrays(values.ravel(), values.shape[1])
+        return values if values.ndim == 1 else pa.FixedSizeListArray.from_arrays(values.ravel(), values.shape[1])
 
     for folder in ("data/chunk-000", "meta/episodes/chunk-000"):
         (root / folder).mkdir(parents=True)

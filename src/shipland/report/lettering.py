@@ -17,8 +17,6 @@ Image = npt.NDArray[np.uint8]
 Bgr = tuple[int, int, int]
 
 _LAYOUT = ImageFont.Layout.BASIC  # the other one raises on control characters
-
-
 _PLAIN = str.maketrans("–−×", "--x")
 """What Pillow's own font lacks."""
 
@@ -29,9 +27,8 @@ def _font(size_px: int, bold: bool) -> ImageFont.FreeTypeFont:
         own: Any = ImageFont.load_default(size_px)
         return ImageFont.truetype(BytesIO(own.font_bytes), size_px, layout_engine=_LAYOUT)
     folder = resources.files("matplotlib") / "mpl-data" / "fonts" / "ttf"  # DejaVu Sans travels with it
-    return ImageFont.truetype(
-        str(folder / ("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf")), size_px, layout_engine=_LAYOUT
-    )
+    file = folder / ("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf")
+    return ImageFont.truetype(str(file), size_px, layout_engine=_LAYOUT)
 
 
 @functools.lru_cache(maxsize=1024)
@@ -72,20 +69,16 @@ def put_text(image: Image, text: str, at_px: tuple[int, int], size_px: int, colo
 @functools.lru_cache(maxsize=64)
 def wrap_text(text: str, size_px: int, width_px: int, lines: int) -> tuple[str, ...]:
     """The text in at most `lines` lines of at most `width_px`; what is left over becomes an ellipsis."""
-    wrapped: list[str] = []
-    line = ""
+    wrapped = [""]
     for word in text.split():
-        longer = f"{line} {word}".strip()
-        if line and text_width(longer, size_px) > width_px:
-            wrapped.append(line)
-            line = word
+        longer = f"{wrapped[-1]} {word}".strip()
+        if wrapped[-1] and text_width(longer, size_px) > width_px:
+            wrapped.append(word)
         else:
-            line = longer
-    wrapped.append(line)
+            wrapped[-1] = longer
     if len(wrapped) <= lines and text_width(wrapped[-1], size_px) <= width_px:
         return tuple(wrapped)
-    wrapped = wrapped[:lines]
-    last = wrapped[-1]
+    *before, last = wrapped[:lines]
     while last and text_width(f"{last}…", size_px) > width_px:
         last = last[:-1]
-    return (*wrapped[:-1], f"{last}…")
+    return (*before, f"{last}…")

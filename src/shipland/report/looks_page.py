@@ -75,7 +75,7 @@ def _view(picture: Picture, look: Look, box: np.ndarray[tuple[int], np.dtype[np.
     frames = [(target[1:5], _TARGET_BGR) for target in look.targets]
     colours = [_FALSE_BGR if verdict == -1 else _HIT_BGR for verdict in look.verdict]
     for frame, colour in [*frames, *zip(look.boxes, colours, strict=True)]:
-        low, high = (scale * (frame[:2] + sign * 0.5 * frame[2:] - corner) for sign in (-1.0, 1.0))
-        points = [(int(x), int(y)) for x, y in (np.clip(np.round(low), -9, 999), np.clip(np.round(high), -9, 999))]
-        cv2.rectangle(view, points[0], points[1], colour, 1, cv2.LINE_AA)
+        ends = (scale * (frame[:2] + sign * 0.5 * frame[2:] - corner) for sign in (-1.0, 1.0))
+        low, high = (np.clip(np.round(end), -9, 999).astype(int).tolist() for end in ends)
+        cv2.rectangle(view, low, high, colour, 1, cv2.LINE_AA)
     return np.asarray(view, np.uint8)

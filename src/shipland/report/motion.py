@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Literal
 
@@ -24,11 +25,11 @@ from shipland.sim.ship.recorded import HEADER
 from shipland.sim.ship.sea import significant_amplitude
 from shipland.sim.wind import build_wind
 
-_AXIS_UNITS = ("m", "m", "m, down", "°", "°", "°")
-RULE_NAMES = {"froude": "Froude: time / √scale", "length_only": "lengths only: time as at sea"}
-_RULE_COLOURS = {"froude": unit(BLUE), "length_only": unit(VERMILION)}
-
-
+_AXES = [f"{name} [{unit}]" for name, unit in zip(DOF_NAMES, ("m", "m", "m, down", "°", "°", "°"), strict=True)]
+_RULES = {
+    "froude": ("Froude: time / √scale", unit(BLUE)),
+    "length_only": ("lengths only: time as at sea", unit(VERMILION)),
+}
 DEGREES = np.array([1.0, 1.0, 1.0, *[180.0 / np.pi] * 3])
 """From metres and radians to metres and degrees."""
 UNITS = ("m", "m", "m", "°", "°", "°")
@@ -93,16 +94,15 @@ def plot_case(path: Path, traces: Traces) -> None:
     """The deck's motion and the wind over it as a PNG; DataError when it cannot be written."""
     with drawn(path, (10.0, 11.0)) as figure:
         axes = figure.subplots(7, 1, sharex=True)
-        for index, name in enumerate(DOF_NAMES):
-            axes[index].plot(traces.t_s, traces.deck[:, index], color=unit(BLUE))
-            axes[index].set_ylabel(f"{name} [{_AXIS_UNITS[index]}]")
-        for index, name in enumerate(("north", "east", "down")):
-            colour = unit((VERMILION, GREEN, GREY)[index])
-            axes[6].plot(traces.t_s, traces.wind_in_ned_mps[:, index], color=colour, label=name)
-        axes[6].set_ylabel("air over deck [m/s]")
-        axes[6].legend(loc="upper right", ncols=3)
-        axes[6].set_xlabel("time [s]")
-        axes[6].set_xlim(traces.t_s[0], traces.t_s[-1])
+        *degrees, air = axes
+        for panel, values, name in zip(degrees, traces.deck.T, _AXES, strict=True):
+            panel.plot(traces.t_s, values, color=unit(BLUE))
+            panel.set_ylabel(name)
+        towards = (("north", VERMILION), ("east", GREEN), ("down", GREY))
+        for values, (name, colour) in zip(traces.wind_in_ned_mps.T, towards, strict=True):
+            air.plot(traces.t_s, values, color=unit(colour), label=name)
+        air.legend(loc="upper right", ncols=3)
+        air.set(xlabel="time [s]", ylabel="air over deck [m/s]", xlim=(traces.t_s[0], traces.t_s[-1]))
         figure.align_ylabels(axes)
 
 
@@ -118,16 +118,15 @@ def plot_headings(path: Path, panels: Mapping[str, Mapping[str, Traces]], limit:
             axes[5, column].set_xlabel("time on the rig [s]")
             for index in range(6):
                 for rule, traces in rules.items():
-                    style = {"color": _RULE_COLOURS[rule], "label": RULE_NAMES[rule]}
-                    axes[index, column].plot(traces.t_s, traces.deck[:, index], **style)
+                    name, colour = _RULES[rule]
+                    axes[index, column].plot(traces.t_s, traces.deck[:, index], color=colour, label=name)
                     axes[index, column].set_xlim(traces.t_s[0], traces.t_s[-1])
-        for index, name in enumerate(DOF_NAMES):
-            axes[index, 0].set_ylabel(f"{name} [{_AXIS_UNITS[index]}]")
+        for index, name in enumerate(_AXES):
+            axes[index, 0].set_ylabel(name)
             largest = max(np.abs(it.deck[:, index]).max() for rules in panels.values() for it in rules.values())
             if largest > 0.8 * limit[index]:
-                for axis in axes[index]:
-                    for sign in (-1.0, 1.0):
-                        axis.axhline(sign * limit[index], color=unit(GREY), linestyle="--", linewidth=1.0)
+                for axis, sign in product(axes[index], (-1.0, 1.0)):
+                    axis.axhline(sign * limit[index], color=unit(GREY), linestyle="--", linewidth=1.0)
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
         figure.align_ylabels(axes[:, 0])
 
@@ -164,15 +163,11 @@ def statistics(scenario: Scenario, seed: int, duration_s: float) -> tuple[Statis
 def report_case(scenario: Scenario, sampling: Sampling, out: Path, console: Console) -> None:
     """Write table, CSV files and figure; DataError where the folder cannot be written."""
     traces = sample(scenario, sampling.seed, sampling.duration_s, sampling.step_s)
-    stats = statistics(scenario, sampling.seed, sampling.statistics_s)
-    air = np.column_stack([traces.t_s, traces.course, traces.wind_in_ned_mps])
-    _write_series(out / "motion.csv", HEADER, np.column_stack([traces.t_s, traces.deck]))
-    _write_series(out / "wind.csv", WIND_HEADER, air)
+    _write_series(out / "motion.csv", HEADER, traces.t_s, traces.deck)
+    _write_series(out / "wind.csv", WIND_HEADER, traces.t_s, traces.course, traces.wind_in_ned_mps)
     plot_case(out / "motion.png", traces)
-    columns: dict[str, tuple[Statistics, ...]] = {scenario.ship.motion: stats}
-    _write_table(out / "motion_table.csv", columns)
-    console.print(f"deck motion over {sampling.statistics_s:g} s{_MEASURES}", soft_wrap=True)
-    console.print(_table(_measured(columns)))
+    columns = {str(scenario.ship.motion): statistics(scenario, sampling.seed, sampling.statistics_s)}
+    _report_statistics(columns, out / "motion_table.csv", console, f"deck motion over {sampling.statistics_s:g} s")
     for line in traces.limit_bites:
         console.print(line)
     console.print(f"written: motion.csv, wind.csv, motion_table.csv, motion.png in {out}", soft_wrap=True)
@@ -194,16 +189,12 @@ def report_headings(scenario: Scenario, sampling: Sampling, out: Path, console: 
             panels[name][rule] = sample(one, sampling.seed, sampling.duration_s, sampling.step_s)
             columns[f"{name}\n{rule}"] = statistics(one, sampling.seed, sampling.statistics_s)
     plot_headings(out / "motion_headings.png", panels, rig_limits(scenario.rig) * DEGREES)
-    _write_table(out / "motion_headings.csv", columns)
     title = f"Hs {sea.height_m:g} m, Tp {sea.period_s:g} s, {sea.speed_kn:g} kn, length scale {scale.length:g}"
     console.print(f"significant single amplitudes at full scale: {title}", soft_wrap=True)
     console.print(_table({name: [f"{value:.2f}" for value in each] for name, each in full_scale.items()}))
-    console.print(f"on the rig: {title}, {sampling.statistics_s:g} s{_MEASURES}", soft_wrap=True)
-    console.print(_table(_measured(columns)))
+    words = f"on the rig: {title}, {sampling.statistics_s:g} s"
+    _report_statistics(columns, out / "motion_headings.csv", console, words)
     console.print(f"written: motion_headings.csv, motion_headings.png in {out}", soft_wrap=True)
-
-
-_MEASURES = ": significant amplitude / mean period"
 
 
 def _table(columns: Mapping[str, Sequence[str]]) -> Table:
@@ -214,31 +205,22 @@ def _table(columns: Mapping[str, Sequence[str]]) -> Table:
     return table
 
 
-def _measured(columns: dict[str, tuple[Statistics, ...]]) -> dict[str, list[str]]:
-    return {
-        name: [f"{it.significant:.3g}{f' / {it.period_s:.1f} s' if it.period_s > 0.0 else ''}" for it in of_case]
-        for name, of_case in columns.items()
-    }
-
-
-def _write_table(path: Path, columns: dict[str, tuple[Statistics, ...]]) -> None:
-    rows = [
-        {
-            "case": case.replace("\n", ", "),
-            "motion": name,
-            "unit": unit.replace("°", "deg"),
-            "significant_amplitude": f"{s.significant:.4f}",
-            "mean_period_s": f"{s.period_s:.3f}",
-            "largest": f"{s.largest:.4f}",
-        }
-        for case, of_case in columns.items()
-        for name, unit, s in zip(DOF_NAMES, UNITS, of_case, strict=True)
-    ]
+def _report_statistics(columns: Mapping[str, tuple[Statistics, ...]], path: Path, console: Console, words: str) -> None:
+    """Write the statistics of cases as CSV, and print them as a table."""
+    rows, texts = [], {}
+    for case, found in columns.items():
+        texts[case] = [f"{it.significant:.3g}{f' / {it.period_s:.1f} s' if it.period_s > 0.0 else ''}" for it in found]
+        for name, symbol, it in zip(DOF_NAMES, UNITS, found, strict=True):
+            about = {"case": case.replace("\n", ", "), "motion": name, "unit": symbol.replace("°", "deg")}
+            measured = {"significant_amplitude": f"{it.significant:.4f}", "mean_period_s": f"{it.period_s:.3f}"}
+            rows.append(about | measured | {"largest": f"{it.largest:.4f}"})
     with writing(path):
         write_csv(path, list(rows[0]), rows)
+    console.print(f"{words}: significant amplitude / mean period", soft_wrap=True)
+    console.print(_table(texts))
 
 
-def _write_series(path: Path, header: tuple[str, ...], values: Array) -> None:
+def _write_series(path: Path, header: tuple[str, ...], *columns: Array) -> None:
     with writing(path):
-        texts = ([f"{value:.6g}" for value in row] for row in values.tolist())
+        texts = ([f"{value:.6g}" for value in row] for row in np.column_stack(columns).tolist())
         write_csv(path, header, (dict(zip(header, row, strict=True)) for row in texts))

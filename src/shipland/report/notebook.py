@@ -33,30 +33,29 @@ def flight_html(
     film: Path | None = None,
 ) -> str:
     """Verdict, figures of the touchdown, the whole flight from two sides where its truth is known, film if there."""
-    figures = [("cycles", f"{len(records)}")]
+    figures = {"cycles": f"{len(records)}"}
     if verdict is not None and verdict.touched:
-        figures += [
-            ("time", f"{verdict.t_s:.1f} s"),
-            ("off the deck's centre", f"{verdict.error_m:.3f} m"),
-            ("sink", f"{verdict.sink_mps:.2f} m/s"),
-            ("slide", f"{verdict.slide_mps:.2f} m/s"),
-            ("tilt", f"{np.degrees(verdict.tilt_rad):.1f}°"),
-            ("slip", f"{100.0 * verdict.slip_m:.1f} cm"),
-        ]
+        figures |= {
+            "time": f"{verdict.t_s:.1f} s",
+            "off the deck's centre": f"{verdict.error_m:.3f} m",
+            "sink": f"{verdict.sink_mps:.2f} m/s",
+            "slide": f"{verdict.slide_mps:.2f} m/s",
+            "tilt": f"{np.degrees(verdict.tilt_rad):.1f}°",
+            "slip": f"{100.0 * verdict.slip_m:.1f} cm",
+        }
     views = FlightViews(scenario.rig, scenario.aircraft.airframe.motor_diagonal_m)
     truths = [record.truth for record in records if record.truth is not None]
     for truth in truths:
         views.note(truth)
     shown = ""
     if truths:
-        bgr = cv2.cvtColor(views.picture(reason, whole=True), cv2.COLOR_RGB2BGR)
-        png = cv2.imencode(".png", bgr)[1].tobytes()
+        png = cv2.imencode(".png", views.picture(reason, whole=True)[:, :, ::-1])[1].tobytes()
         shown = picture(png, "png", "the flight from the side and from above")
     if film is not None and film.is_file():
         here, film = Path.cwd(), film.absolute()  # a notebook's server shows what lies beside the notebook, or below
         address = html.escape(quote(str(film.relative_to(here) if film.is_relative_to(here) else film)))
         shown += f'<p><video controls width="640" src="{address}"></video><br><a href="{address}">{film.name}</a></p>'
-    table = html_table([name for name, _ in figures], [[value for _, value in figures]], len(figures))
+    table = html_table(list(figures), [list(figures.values())], len(figures))
     return f"<b>{html.escape(scenario.name)}: {html.escape(reason)}</b>{table}{shown}"
 
 

@@ -63,7 +63,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         """
         self.folder = folder
         self.problems: list[str] = []
-        self._finished = self._log_failed = False
+        self._finished = False
         self._flown: FlightLog | None = None
         self._cost_s = {"log": 0.0, "video": 0.0, "chase": 0.0}
         self._cycles = 0
@@ -76,8 +76,8 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._outputs: dict[str, LogWriter | FlightVideo] = {"log": self._log}
         self._attempt("layout", partial(write_layout, folder / LAYOUT_NAME))
         if video:
-            timed_chase = None if chase is None else self._timed_chase(chase)
-            self._outputs["video"] = FlightVideo(folder / VIDEO_NAME, rig, camera, VideoParameters(), timed_chase)
+            timed = None if chase is None else partial(self._timed, chase)
+            self._outputs["video"] = FlightVideo(folder / VIDEO_NAME, rig, camera, VideoParameters(), timed)
         self._aside = Aside(self._write, _MOST_ROWS, "recorder") if aside else None
 
     def append(self, record: FlightRecord) -> None:
@@ -107,7 +107,7 @@ class Recorder(AbstractContextManager["Recorder"]):
             self._attempt("log", partial(self._log.finish, verdict, end))
         if isinstance(video := self._outputs.get("video"), FlightVideo):
             self._attempt("video", partial(video.finish, verdict))
-        if not self._log_failed:  # they are made from the log
+        if "log" in self._outputs:  # they are made from it
             self._attempt("summary", partial(self._write_summary, end))
             self._attempt("plots", self._write_plots)
         self._attempt("timing", partial(self._write_timing, cost_s or {}))
@@ -123,7 +123,6 @@ class Recorder(AbstractContextManager["Recorder"]):
         try:
             act()
         except Exception as error:
-            self._log_failed |= name == "log"
             self.problems.append(f"{name} given up: {_words(error)}")
             output = self._outputs.pop(name, None)
             if output is not None:
@@ -131,14 +130,11 @@ class Recorder(AbstractContextManager["Recorder"]):
                     output.close()
         self._cost_s[name] = self._cost_s.get(name, 0.0) + time.perf_counter() - started_s
 
-    def _timed_chase(self, chase: Chase) -> Chase:
-        def timed(truth: GroundTruth) -> Image:
-            started_s = time.perf_counter()
-            image = chase(truth)
-            self._cost_s["chase"] += time.perf_counter() - started_s
-            return image
-
-        return timed
+    def _timed(self, chase: Chase, truth: GroundTruth) -> Image:
+        started_s = time.perf_counter()
+        image = chase(truth)
+        self._cost_s["chase"] += time.perf_counter() - started_s
+        return image
 
     def _write_summary(self, end: str) -> None:
         self._flown = read_log(self.folder / LOG_NAME)
@@ -150,11 +146,9 @@ class Recorder(AbstractContextManager["Recorder"]):
             plot_flight(self.folder / PLOTS_NAME, self._flown)
 
     def _write_timing(self, cost_s: Mapping[str, float]) -> None:
-        own_s = dict(self._cost_s)
-        own_s["video"] -= own_s["chase"]
-        cycles = max(1, self._cycles)
+        own_s = self._cost_s | {"video": self._cost_s["video"] - self._cost_s["chase"]}
         stages = {
-            name: {"total_s": value, "per_cycle_ms": 1e3 * value / cycles}
+            name: {"total_s": value, "per_cycle_ms": 1e3 * value / max(1, self._cycles)}
             for name, value in (*cost_s.items(), *own_s.items())
         }
         write_json(self.folder / TIMING_NAME, {"cycles": self._cycles, "stages": stages})

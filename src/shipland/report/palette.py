@@ -17,42 +17,30 @@ VERMILION: Rgb = (213, 94, 0)
 PURPLE: Rgb = (204, 121, 167)
 GREY: Rgb = (130, 130, 130)
 
-MODE_COLOURS: dict[Mode, Rgb] = {
-    Mode.SEARCH: PURPLE,
-    Mode.TRACK_SHIP: SKY,
-    Mode.TRACK_BAR: ORANGE,
-    Mode.APPROACH: BLUE,
-    Mode.LAND: GREEN,
-    Mode.NO_VISION: VERMILION,
-    Mode.GO_AROUND: YELLOW,
-    Mode.DONE: GREY,
+_MODES: dict[Mode | None, tuple[str, Rgb]] = {
+    Mode.SEARCH: ("search", PURPLE),
+    Mode.TRACK_SHIP: ("4 track ship", SKY),
+    Mode.TRACK_BAR: ("3 track bar", ORANGE),
+    Mode.APPROACH: ("2 approach", BLUE),
+    Mode.LAND: ("1 land", GREEN),
+    Mode.NO_VISION: ("5 no vision", VERMILION),
+    Mode.GO_AROUND: ("go around", YELLOW),
+    Mode.DONE: ("done", GREY),
+    None: ("no mode", GREY),  # of a pilot without modes
 }
-
-MODE_NAMES: dict[Mode, str] = {
-    Mode.SEARCH: "search",
-    Mode.TRACK_SHIP: "4 track ship",
-    Mode.TRACK_BAR: "3 track bar",
-    Mode.APPROACH: "2 approach",
-    Mode.LAND: "1 land",
-    Mode.NO_VISION: "5 no vision",
-    Mode.GO_AROUND: "go around",
-    Mode.DONE: "done",
-}
-"""Names of the modes, with the numbers of [Lee2022]."""
+"""Names of the modes, with the numbers of [Lee2022], and their colours."""
+MODE_COLOURS = {mode: colour for mode, (_, colour) in _MODES.items() if mode is not None}
+STICKS: dict[str, Rgb] = {"pitch": BLUE, "roll": VERMILION, "heave": GREEN, "yaw": PURPLE}
 
 
 def mode_colour(mode: Mode | None) -> Rgb:
-    """The colour of a mode; grey for a pilot without modes."""
-    return GREY if mode is None else MODE_COLOURS[mode]
+    """The colour of a mode."""
+    return _MODES[mode][1]
 
 
 def mode_name(mode: Mode | None) -> str:
     """The name of a mode, or that there is none."""
-    return "no mode" if mode is None else MODE_NAMES[mode]
-
-
-STICK_NAMES = ("pitch", "roll", "heave", "yaw")
-STICK_COLOURS: tuple[Rgb, ...] = (BLUE, VERMILION, GREEN, PURPLE)
+    return _MODES[mode][0]
 
 
 def unit(colour: Rgb) -> tuple[float, float, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,20 +15,7 @@ from shipland.frames import Array
 from shipland.messages import Mode, TouchdownVerdict
 from shipland.record.columns import FlightColumns
 from shipland.record.reader import FlightLog
-from shipland.report.palette import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    MODE_COLOURS,
-    MODE_NAMES,
-    ORANGE,
-    STICK_COLOURS,
-    STICK_NAMES,
-    VERMILION,
-    mode_colour,
-    unit,
-)
+from shipland.report.palette import BLACK, BLUE, GREEN, GREY, ORANGE, STICKS, VERMILION, mode_colour, mode_name, unit
 from shipland.rig import Rig
 
 if TYPE_CHECKING:
@@ -86,11 +74,8 @@ def draw_pad(axes: Axes, rig: Rig) -> None:
         patch.set(edgecolor=edge, linewidth=1.8, zorder=0.5)
         axes.add_patch(patch)
     reach_m = 0.5 * rig.deck_size_m + 0.12
-    axes.set_xlim(-reach_m, reach_m)
-    axes.set_ylim(-reach_m, reach_m)
-    axes.set_aspect("equal")
-    axes.set_xlabel("starboard of the deck's centre [m]")
-    axes.set_ylabel("ahead of it [m]")
+    axes.set(xlim=(-reach_m, reach_m), ylim=(-reach_m, reach_m), aspect="equal")
+    axes.set(xlabel="starboard of the deck's centre [m]", ylabel="ahead of it [m]")
     axes.grid(visible=False)
 
 
@@ -105,12 +90,10 @@ def draw_mode_key(axes: Axes, columns: FlightColumns) -> None:
     """The colours of the modes that occur."""
     from matplotlib.patches import Patch
 
-    present = [mode for mode in MODE_COLOURS if (columns.mode_number == mode.value).any()]
-    if not present:
-        axes.axis("off")
-        return
-    patches = [Patch(facecolor=unit(MODE_COLOURS[mode]), alpha=0.45, label=MODE_NAMES[mode]) for mode in present]
-    axes.legend(handles=patches, loc="center", ncols=len(patches), frameon=False, fontsize=10, title="flight mode")
+    present = [mode for mode in Mode if (columns.mode_number == mode.value).any()]
+    keys = [Patch(facecolor=unit(mode_colour(mode)), alpha=0.45, label=mode_name(mode)) for mode in present]
+    if keys:
+        axes.legend(handles=keys, loc="center", ncols=len(keys), frameon=False, fontsize=10, title="flight mode")
     axes.axis("off")
 
 
@@ -133,14 +116,13 @@ def finish_time_axes(axes: Axes, columns: FlightColumns, verdict: TouchdownVerdi
 def draw_forward(axes: Axes, columns: FlightColumns) -> None:
     """Place ahead of the pad; logarithmic when it goes from far to near."""
     _draw_place(axes, columns, 0)
-    nearest = np.nanmin(np.abs(columns.place_in_pad_m[:, 0]), initial=np.inf)
-    if np.nanmax(np.abs(columns.place_in_pad_m[:, 0]), initial=0.0) > 20.0 and nearest < 2.0:
+    ahead_m = columns.place_in_pad_m[:, 0]
+    if np.nanmax(np.abs(ahead_m), initial=0.0) > 20.0 and np.nanmin(np.abs(ahead_m), initial=np.inf) < 2.0:
         axes.set_yscale("symlog", linthresh=1.0, linscale=0.4)
         axes.set_yticks([-200, -100, -50, -20, -10, -5, -2, -1, 0, 1])
         axes.yaxis.set_major_formatter("{x:g}")
         axes.minorticks_off()
-        low = float(np.nanmin(columns.place_in_pad_m[:, 0]))
-        axes.set_ylim(1.3 * low, max(1.0, 1.2 * float(np.nanmax(columns.place_in_pad_m[:, 0]))))
+        axes.set_ylim(1.3 * float(np.nanmin(ahead_m)), max(1.0, 1.2 * float(np.nanmax(ahead_m))))
 
 
 def draw_right(axes: Axes, columns: FlightColumns) -> None:
@@ -161,50 +143,46 @@ def draw_up(axes: Axes, columns: FlightColumns) -> None:
 
 def _draw_place(axes: Axes, columns: FlightColumns, axis: int) -> None:
     axes.set_title(PLACES[axis])
-    _draw_estimate(axes, columns.estimate_t_s, columns.estimate_in_pad_m[:, axis])
-    axes.plot(columns.t_s, columns.truth_in_pad_m[:, axis], color=_TRUTH, label="truth")
-    _show_at_least(axes, 0.4)
-
-
-def _draw_estimate(axes: Axes, t_s: Array, values: Array) -> None:
-    """The pilot's estimates at their own times, so that they lie on the truth where they are right."""
-    axes.plot(
-        t_s, values, color=_SEEN, label="pilot's estimate", linestyle="none", marker=".", markersize=4.0,
-        markeredgewidth=0.0,
-    )  # fmt: skip
+    _draw_both(axes, columns, columns.estimate_in_pad_m[:, axis], columns.truth_in_pad_m[:, axis], 0.4)
 
 
 def draw_heading(axes: Axes, columns: FlightColumns) -> None:
     """Heading against the ship."""
     axes.set_title("heading against the ship's [°]")
-    _draw_estimate(axes, columns.estimate_t_s, np.degrees(columns.estimate_yaw_rad))
-    axes.plot(columns.t_s, np.degrees(columns.truth_yaw_rad), color=_TRUTH, label="truth")
-    _show_at_least(axes, 10.0)
+    _draw_both(axes, columns, np.degrees(columns.estimate_yaw_rad), np.degrees(columns.truth_yaw_rad), 10.0)
+
+
+def _draw_both(axes: Axes, columns: FlightColumns, estimate: Array, truth: Array, span: float) -> None:
+    """The pilot's estimates at their own times, so that they lie on the truth where they are right."""
+    axes.plot(
+        columns.estimate_t_s, estimate, ".", color=_SEEN, label="pilot's estimate", markersize=4.0, markeredgewidth=0.0
+    )
+    axes.plot(columns.t_s, truth, color=_TRUTH, label="truth")
+    _show_at_least(axes, span)
 
 
 def _draw_speed(axes: Axes, columns: FlightColumns) -> None:
     axes.set_title("speed against the ship [m/s]")
-    speed_mps = columns.speed_in_pad_mps
-    for axis, (name, colour) in enumerate((("forward", BLUE), ("right", VERMILION), ("up", GREEN))):
-        axes.plot(columns.t_s, speed_mps[:, axis], color=unit(colour), label=name)
+    names = (("forward", BLUE), ("right", VERMILION), ("up", GREEN))
+    for (name, colour), along_mps in zip(names, columns.speed_in_pad_mps.T, strict=True):
+        axes.plot(columns.t_s, along_mps, color=unit(colour), label=name)
     _show_at_least(axes, 0.4)
 
 
-def draw_sticks(axes: Axes, columns: FlightColumns, names: tuple[str, ...] = STICK_NAMES) -> None:
+def draw_sticks(axes: Axes, columns: FlightColumns, names: Collection[str] = STICKS) -> None:
     """The sticks of these names."""
     axes.set_title("sticks [%]")
-    for index, (name, colour) in enumerate(zip(STICK_NAMES, STICK_COLOURS, strict=True)):
+    for (name, colour), percent in zip(STICKS.items(), columns.sticks_percent.T, strict=True):
         if name in names:
-            axes.step(columns.t_s, columns.sticks_percent[:, index], where="post", color=unit(colour), label=name)
+            axes.step(columns.t_s, percent, where="post", color=unit(colour), label=name)
     axes.set_ylim(-105.0, 105.0)
     axes.set_yticks([-100, -50, 0, 50, 100])
 
 
 def _draw_deck_turn(axes: Axes, columns: FlightColumns) -> None:
     axes.set_title("deck's roll and pitch [°]")
-    for index, (name, colour) in enumerate((("roll", BLUE), ("pitch", VERMILION))):
-        turn_deg = np.degrees(columns.deck_turn_rad[:, index])
-        axes.plot(*smooth(columns.t_s, turn_deg), color=unit(colour), label=name)
+    for name, colour, turn_rad in zip(("roll", "pitch"), (BLUE, VERMILION), columns.deck_turn_rad.T, strict=False):
+        axes.plot(*smooth(columns.t_s, np.degrees(turn_rad)), color=unit(colour), label=name)
     _show_at_least(axes, 4.0)
 
 
@@ -218,26 +196,21 @@ def _draw_touchdown(
     axes: Axes, columns: FlightColumns, rig: Rig, diagonal_m: float, verdict: TouchdownVerdict | None
 ) -> None:
     axes.set_title("touchdown on the deck, from above")
-    place_m = columns.truth_in_deck_m
+    ahead_m, right_m, _ = columns.truth_in_deck_m.T
     landing = np.isin(columns.mode_number, [Mode.LAND.value, Mode.DONE.value])
-    reach_m = 0.5 * rig.deck_size_m + 0.12
-    seen = np.abs(place_m[:, :2]).max(axis=1) < reach_m
+    seen = np.maximum(np.abs(ahead_m), np.abs(right_m)) < axes.get_xlim()[1]
     for chosen, colour, name in ((seen & ~landing, BLUE, "before landing"), (seen & landing, GREEN, "while landing")):
-        track_m = np.where(chosen[:, None], place_m[:, :2], np.nan)
         if chosen.any():
-            axes.plot(track_m[:, 1], track_m[:, 0], color=unit(colour), linewidth=1.1, alpha=0.8, label=name)
+            track = np.where(chosen, right_m, np.nan), np.where(chosen, ahead_m, np.nan)
+            axes.plot(*track, color=unit(colour), linewidth=1.1, alpha=0.8, label=name)
     if verdict is not None and verdict.touched:
-        forward_m, right_m = verdict.touchdown_in_deck_m
-        after = np.flatnonzero(columns.t_s >= verdict.t_s)
-        index = int(after[0]) if len(after) else len(columns.t_s) - 1
-        yaw_rad = columns.truth_yaw_in_deck_rad[index]
-        draw_footprint(axes, verdict.touchdown_in_deck_m, float(np.nan_to_num(yaw_rad)), diagonal_m)
-        axes.plot(right_m, forward_m, marker="o", color=unit(BLACK), markersize=6, linestyle="none", label="touchdown")
-        rest_m = verdict.rest_in_deck_m
+        first = min(int(np.searchsorted(columns.t_s, verdict.t_s)), len(columns.t_s) - 1)
+        yaw_rad = float(np.nan_to_num(columns.truth_yaw_in_deck_rad[first]))
+        draw_footprint(axes, verdict.touchdown_in_deck_m, yaw_rad, diagonal_m)
+        axes.plot(*verdict.touchdown_in_deck_m[::-1], "o", color=unit(BLACK), markersize=6, label="touchdown")
         axes.plot(
-            rest_m[1], rest_m[0], marker="x", color=unit(VERMILION), markersize=7, markeredgewidth=2,
-            linestyle="none", label="at rest",
-        )  # fmt: skip
+            *verdict.rest_in_deck_m[::-1], "x", color=unit(VERMILION), markersize=7, markeredgewidth=2, label="at rest"
+        )
         text = (
             f"{100.0 * verdict.error_m:.1f} cm from the centre, {verdict.sink_mps:.2f} m/s down, "
             f"tilt {np.degrees(verdict.tilt_rad):.1f}°, slip {100.0 * verdict.slip_m:.1f} cm"

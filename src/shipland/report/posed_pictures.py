@@ -42,10 +42,14 @@ def pack_pictures(logs: Mapping[str, Path], path: Path) -> list[dict[str, Any]]:
     """Write the pictures of logs as FLIGHT/NUMBER.png; a row each, with "" for unknown; DataError without any."""
     rows = []
     with replacing(path) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_STORED) as packed:  # a PNG is compressed
-        for flight, log in logs.items():
-            for number, (png, row) in enumerate(_pictures(log)):
+        for flight, log_path in logs.items():
+            log = read_log(log_path)
+            exposures_s = (record.frame.t_s for record in log.records)
+            for number, (cycle, image) in enumerate(pictures_of(log_path, exposures_s)):
                 name = f"{flight}/{number:06d}.png"
-                packed.writestr(zipfile.ZipInfo(name), png)
+                packed.writestr(zipfile.ZipInfo(name), cv2.imencode(".png", image)[1].tobytes())
+                camera = log.header.camera.scaled(*image.shape[1::-1])
+                row = _posed(log.records[cycle], camera, log.header.rig)
                 rows.append({"picture": name, "flight": flight} | row)
         if not rows:
             raise DataError("no log keeps pictures: those of `shipland fly` do, unless its vision is geometric")
@@ -57,13 +61,6 @@ def pictures_of(log: Path, exposures_s: Iterable[float]) -> Iterator[tuple[int, 
     """The BGR pictures of a log that belong to a cycle, with its number; the cycles are given by their exposures."""
     cycles = {nanoseconds(t_s): cycle for cycle, t_s in enumerate(exposures_s)}
     return ((cycles[time_ns], image) for time_ns, image in read_pictures(log) if time_ns in cycles)
-
-
-def _pictures(path: Path) -> Iterator[tuple[bytes, dict[str, Any]]]:
-    log = read_log(path)
-    for cycle, image in pictures_of(path, (record.frame.t_s for record in log.records)):
-        camera = log.header.camera.scaled(image.shape[1], image.shape[0])
-        yield cv2.imencode(".png", image)[1].tobytes(), _posed(log.records[cycle], camera, log.header.rig)
 
 
 def _posed(record: FlightRecord, camera: Camera, rig: Rig) -> dict[str, float]:

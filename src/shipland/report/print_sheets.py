@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import colorsys
-import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -64,20 +64,16 @@ class Sheets:
 
     Attributes:
         page_mm: width and height of a sheet, as it is turned.
+        step_mm: (2,) from one sheet's part of the drawing to the next one's.
         across, down: sheets.
-        origin_mm: (right, down) place of the drawing's top-left corner from that of the first sheet's printed part.
+        origin_mm: (2,) (right, down) place of the drawing's corner from that of the first sheet's printed part.
     """
 
     page_mm: tuple[float, float]
+    step_mm: Array
     across: int
     down: int
-    origin_mm: tuple[float, float]
-
-    @property
-    def step_mm(self) -> tuple[float, float]:
-        """From one sheet's part of the drawing to the next one's."""
-        width_mm, height_mm = self.page_mm
-        return width_mm - 2.0 * _MARGIN_MM - _OVERLAP_MM, height_mm - 2.0 * _MARGIN_MM - _OVERLAP_MM
+    origin_mm: Array
 
 
 def cue_drawing(cue: Cue, hue: Hue) -> Drawing:
@@ -102,10 +98,9 @@ def chessboard_drawing(corners: str, square_m: float) -> Drawing:
         raise ConfigError(f"--board {corners} is no board; expected inner corners across × down, each 3–200, as 9x6")
     if not 0.001 <= square_m <= 1.0:
         raise ConfigError(f"--square-m {square_m} is no side of a square; expected 0.001 to 1 m, as 0.025")
-    across, down = int(match[1]) + 1, int(match[2]) + 1
-    side_mm = 1e3 * square_m
+    across, down, side_mm = int(match[1]) + 1, int(match[2]) + 1, 1e3 * square_m
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    places = [np.array([i, j]) for j in range(down) for i in range(across) if (i + j) % 2 == 0]
+    places = [(i, j) for j in range(down) for i in range(across) if (i + j) % 2 == 0]
     outlines_mm = tuple(side_mm * (square + place) for place in places)
     return Drawing(outlines_mm, (side_mm * across, side_mm * down), _BLACK)
 
@@ -115,17 +110,13 @@ def sheets_for(size_mm: tuple[float, float], paper: str) -> Sheets:
     upright = {name.lower(): page for name, page in PAPERS_MM.items()}.get(paper.lower())
     if upright is None:
         raise ConfigError(f"--paper {paper} is not known; there are: {', '.join(PAPERS_MM)}")
-    return min((_laid(size_mm, page) for page in (upright, upright[::-1])), key=lambda it: it.across * it.down)
-
-
-def _laid(size_mm: tuple[float, float], page_mm: tuple[float, float]) -> Sheets:
-    counts, origin_mm = [], []
-    for size, page in zip(size_mm, page_mm, strict=True):
-        printed = page - 2.0 * _MARGIN_MM
-        count = max(1, math.ceil((size - _OVERLAP_MM) / (printed - _OVERLAP_MM) - 1e-9))
-        counts.append(count)
-        origin_mm.append(0.5 * (count * (printed - _OVERLAP_MM) + _OVERLAP_MM - size))
-    return Sheets(page_mm, counts[0], counts[1], (origin_mm[0], origin_mm[1]))
+    laid = []
+    for page_mm in (upright, upright[::-1]):
+        step_mm = np.array(page_mm) - 2.0 * _MARGIN_MM - _OVERLAP_MM
+        counts = np.maximum(1, np.ceil((np.array(size_mm) - _OVERLAP_MM) / step_mm - 1e-9))
+        across, down = map(int, counts)
+        laid.append(Sheets(page_mm, step_mm, across, down, 0.5 * (counts * step_mm + _OVERLAP_MM - size_mm)))
+    return min(laid, key=lambda it: it.across * it.down)
 
 
 def print_sheets(path: Path, drawing: Drawing, paper: str, title: str) -> Sheets:
@@ -138,9 +129,8 @@ def print_sheets(path: Path, drawing: Drawing, paper: str, title: str) -> Sheets
     sheets = sheets_for(drawing.size_mm, paper)
     about = {"Title": title, "CreationDate": None, "Creator": None, "Producer": None}
     with writing(path), PdfPages(path, metadata=about) as pdf:
-        for row in range(sheets.down):
-            for column in range(sheets.across):
-                pdf.savefig(_sheet(drawing, sheets, column, row, title))
+        for row, column in product(range(sheets.down), range(sheets.across)):
+            pdf.savefig(_sheet(drawing, sheets, column, row, title))
     return sheets
 
 
@@ -153,8 +143,7 @@ def _sheet(drawing: Drawing, sheets: Sheets, column: int, row: int, title: str) 
     figure = Figure(figsize=(width_mm / _INCH_MM, height_mm / _INCH_MM))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, width_mm), ylim=(height_mm, 0.0))
     axes.set_axis_off()
-    step_mm = np.array(sheets.step_mm)
-    shift_mm = _MARGIN_MM + np.array(sheets.origin_mm) - step_mm * [column, row]
+    shift_mm = _MARGIN_MM + sheets.origin_mm - sheets.step_mm * [column, row]
     printed = Rectangle(
         (_MARGIN_MM, _MARGIN_MM), width_mm - 2.0 * _MARGIN_MM, height_mm - 2.0 * _MARGIN_MM, transform=axes.transData
     )
@@ -162,8 +151,8 @@ def _sheet(drawing: Drawing, sheets: Sheets, column: int, row: int, title: str) 
         axes.add_patch(Rectangle(tuple(shift_mm), *drawing.size_mm, color=drawing.ground, lw=0.0, clip_path=printed))
     for outline_mm in drawing.outlines_mm:
         axes.add_patch(Polygon(outline_mm + shift_mm, color=drawing.ink, lw=0.0, clip_path=printed))
-    for x, y in _crosses(sheets, column, row):
-        axes.plot(x, y, "+", color="0.5", markersize=72.0 / _INCH_MM * _CROSS_MM, markeredgewidth=0.3)
+    for place_mm in _crosses(sheets, column, row):
+        axes.plot(*place_mm, "+", color="0.5", markersize=72.0 / _INCH_MM * _CROSS_MM, markeredgewidth=0.3)
     foot_mm = height_mm - 0.55 * _MARGIN_MM
     axes.plot([_MARGIN_MM, _MARGIN_MM + _RULER_MM], [foot_mm, foot_mm], color="black", lw=0.6)
     for end_mm in (_MARGIN_MM, _MARGIN_MM + _RULER_MM):

@@ -14,7 +14,6 @@ import numpy as np
 from shipland.files import json_bytes, write_atomically, writing
 from shipland.frames import Array
 from shipland.messages import Mode
-from shipland.record.columns import FlightColumns
 from shipland.record.reader import FlightLog
 
 _DIGITS = 6
@@ -27,16 +26,10 @@ _OF_THE_FLIGHT = (
 def summarise(log: FlightLog, end: str = "") -> dict[str, Any]:
     """The figures of a flight, as summary.json has them; None where they are not known. `end` says why its loop ended.
 
-    scenario, seed, pilot, vision: which flight.
-    software_version, code_version, weights_digest, config_digest, command: what it was flown with.
-    end: why the loop ended, in words.
-    cycles: rows of the log.
     flight_time_s: from the first exposure to the last.
     time_to_land_s: from the first exposure to the first contact.
     touchdown_error_m: distance of the touchdown point from the deck's centre.
-    touchdown: the verdict.
     time_per_mode_s: by the mode's name; NONE without a mode.
-    mode_changes: how often the mode changed.
     cycles_with_pose, cycles_with_bar_box, cycles_with_ship_box: what the vision gave.
     refusals: cycles without a pose, by reason; figures in a reason are left out, and a cycle with several reasons (of
         near vision, of the ship's detector, of the bar's) counts for each.
@@ -44,12 +37,11 @@ def summarise(log: FlightLog, end: str = "") -> dict[str, Any]:
     aircraft_error: the pilot's estimate against the truth of the estimate's own time, wherever it has one.
     max_right_m: largest sideways distance from the pad's middle line, on approach and landing.
     max_off_pad_m: largest horizontal distance from the pad's centre while landing.
-    max_tilt_deg: of the aircraft.
     max_speed_mps: against the ship.
-    max_stick_percent: of any stick.
     max_deck_roll_deg, max_deck_pitch_deg, max_deck_heave_m: either side.
     """
-    info, columns, verdict = log.header.info, log.columns(), log.verdict
+    info, columns = log.header.info, log.columns()
+    contact = log.verdict if log.verdict is not None and log.verdict.touched else None
     spans = columns.mode_spans()
     time_per_mode_s: dict[str, float] = {}
     for from_s, to_s, mode in spans:
@@ -62,14 +54,16 @@ def summarise(log: FlightLog, end: str = "") -> dict[str, Any]:
     place_m = columns.place_in_pad_m
     tilt_rad = np.where(np.isfinite(columns.truth_tilt_rad), columns.truth_tilt_rad, columns.telemetry_tilt_rad)
     start_s = float(columns.t_s[0]) if len(columns.t_s) else 0.0
+    new = np.diff(columns.estimate_t_s, prepend=np.nan) != 0.0  # an estimate kept for several cycles counts once
+    aircraft_error_m = columns.estimate_error_in_pad_m * [1.0, 1.0, -1.0]
     return {
         **{name: getattr(info, name) for name in _OF_THE_FLIGHT},
         "end": end,
         "cycles": len(log.records),
         "flight_time_s": float(np.ptp(columns.t_s)) if len(columns.t_s) else 0.0,
-        "time_to_land_s": None if verdict is None or not verdict.touched else verdict.t_s - start_s,
-        "touchdown_error_m": None if verdict is None or not verdict.touched else verdict.error_m,
-        "touchdown": verdict,
+        "time_to_land_s": None if contact is None else contact.t_s - start_s,
+        "touchdown_error_m": None if contact is None else contact.error_m,
+        "touchdown": log.verdict,
         "time_per_mode_s": time_per_mode_s,
         "mode_changes": max(0, len(spans) - 1),
         "cycles_with_pose": sum(one.bar_pose is not None for one in observations),
@@ -77,7 +71,7 @@ def summarise(log: FlightLog, end: str = "") -> dict[str, Any]:
         "cycles_with_ship_box": sum(one.ship_box is not None for one in observations),
         "refusals": dict(sorted(refused.items(), key=lambda item: (-item[1], item[0]))),
         "camera_error": _pose_error(columns.vision_error_m, columns.vision_error_yaw_rad),
-        "aircraft_error": _aircraft_error(columns),
+        "aircraft_error": _pose_error(aircraft_error_m[new], columns.estimate_error_yaw_rad[new]),
         "max_right_m": _largest(place_m[near, 1]),
         "max_off_pad_m": _largest(np.linalg.norm(place_m[landing, :2], axis=1)),
         "max_tilt_deg": _largest(np.degrees(tilt_rad)),
@@ -104,12 +98,6 @@ def write_json(path: Path, value: object, **verbatim: Any) -> None:  # noqa: ANN
     """Write a mapping as JSON, floats to the sixth decimal but in what is `verbatim`; DataError when it cannot be."""
     with writing(path):
         write_atomically(path, json_bytes(_plain(value) | verbatim))
-
-
-def _aircraft_error(columns: FlightColumns) -> dict[str, float] | None:
-    new = np.diff(columns.estimate_t_s, prepend=np.nan) != 0.0  # an estimate kept for several cycles counts once
-    error_m = columns.estimate_error_in_pad_m * [1.0, 1.0, -1.0]
-    return _pose_error(error_m[new], columns.estimate_error_yaw_rad[new])
 
 
 def _pose_error(error_m: Array, error_yaw_rad: Array) -> dict[str, float] | None:

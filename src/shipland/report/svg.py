@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 from shipland.report.palette import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, Rgb
 
@@ -18,8 +18,7 @@ def colour_of(index: int) -> str:
     return "rgb({},{},{})".format(*SERIES[index % len(SERIES)])
 
 
-@dataclass(frozen=True)
-class Share:
+class Share(NamedTuple):
     """One share with its interval, 0…1, the index of its colour, and the words that are shown on pointing at it."""
 
     series: int
@@ -29,8 +28,7 @@ class Share:
     words: str
 
 
-@dataclass(frozen=True)
-class Column:
+class Column(NamedTuple):
     """What stands at one place of the horizontal axis, shares side by side; the oracle rate, 0…1, is drawn across."""
 
     label: str
@@ -58,10 +56,9 @@ def share_chart(columns: Sequence[Column], title: str, unit: str, joined: bool) 
         parts.append(_text(middle, height - foot + 16, column.label, "tick middle"))
         if column.oracle_rate is not None:
             at, half = y(column.oracle_rate), 0.42 * step
-            words = html.escape(f"oracle {100 * column.oracle_rate:.1f} %")
             parts.append(
                 f'<line class="oracle" x1="{middle - half:.1f}" x2="{middle + half:.1f}" y1="{at:.1f}" y2="{at:.1f}">'
-                f"<title>{words}</title></line>"
+                f"<title>oracle {100 * column.oracle_rate:.1f} %</title></line>"
             )
         for place, item in enumerate(column.shares):
             x, colour = middle + 13.0 * (place - 0.5 * (len(column.shares) - 1)), colour_of(item.series)
@@ -81,30 +78,25 @@ def share_chart(columns: Sequence[Column], title: str, unit: str, joined: bool) 
     return _svg(width, height, title, parts)
 
 
-@dataclass(frozen=True)
-class Points:
-    """Points of one kind.
+class Point(NamedTuple):
+    """A flight, by its number on the page, the index of its colour, and its place; a cross where it is not `good`."""
 
-    Attributes:
-        series: index of their colour.
-        good: drawn full; else as crosses.
-        places: (x, y), by the flight's number on the page; drawn where they are finite.
-    """
-
+    flight: int
     series: int
     good: bool
-    places: Mapping[int, tuple[float, float]]
+    across: float
+    up: float
 
 
 def point_chart(
-    points: Sequence[Points],
+    points: Iterable[Point],
     title: str,
     axes: tuple[str, str],
     half: tuple[float, float],
     outlines: Sequence[tuple[str, float]] = (),
     low: float = -1.0,
 ) -> str:
-    """Points in a plane about zero, drawn in order.
+    """Points in a plane about zero, where they are finite.
 
     The axes have names with units, horizontal and vertical (up), and reach `half` of each either side, the vertical one
     from `low` of its half on, -1 or 0; points beyond are drawn at the edge. Outlines are (`square`, side) and
@@ -127,30 +119,25 @@ def point_chart(
         parts.append(f'<line class="grid" x1="{left}" x2="{left + size}" y1="{up:.1f}" y2="{up:.1f}"/>')
         parts.append(_text(across, top + size + 15, f"{tick * half[0]:g}", "tick middle"))
         parts.append(_text(left - 6, up + 4, f"{upward * half[1]:g}", "tick end"))
-    shown = []
+    shown: list[str] = []
+    marks: dict[tuple[int, bool], str] = {}
+    for flight, series, good, across, up in sorted(points, key=lambda it: (it.series, not it.good)):
+        if math.isfinite(across) and math.isfinite(up):
+            a, b = x(across), y(up)
+            shown.append(f"{flight} {a:.1f} {b:.1f} {series} {int(good)}")
+            mark = f"M{a:.1f} {b:.1f}h0" if good else f"M{a - 3:.1f} {b - 3:.1f}l6 6m0 -6l-6 6"
+            marks[series, good] = marks.get((series, good), "") + mark
     parts.append('<g class="marks">')
-    for kind in points:
-        colour = colour_of(kind.series)
-        marks = []
-        for flight, (across, up) in kind.places.items():
-            if math.isfinite(across) and math.isfinite(up):
-                a, b = x(across), y(up)
-                shown.append(f"{flight} {a:.1f} {b:.1f} {kind.series} {int(kind.good)}")
-                if kind.good:
-                    marks.append(f"M{a:.1f} {b:.1f}h0")
-                else:
-                    marks.append(f"M{a - 3:.1f} {b - 3:.1f}l6 6m0 -6l-6 6")
-        if marks:
-            dots = 'class="dots" stroke-width="6" stroke-linecap="round"'
-            stroke = dots if kind.good else 'stroke-width="2"'
-            stroke += f' data-series="{kind.series}"'
-            parts.append(f'<path fill="none" stroke="{colour}" {stroke} d="{"".join(marks)}"/>')
+    for (series, good), path in marks.items():
+        look = 'class="dots" stroke-width="6" stroke-linecap="round"' if good else 'stroke-width="2"'
+        look = f'fill="none" stroke="{colour_of(series)}" {look} data-series="{series}"'
+        parts.append(f'<path {look} d="{path}"/>')
     parts.append("</g>")
     for shape, side in outlines:
-        corner = (x(-0.5 * side), y(0.5 * side))
-        wide, high = x(0.5 * side) - corner[0], y(-0.5 * side) - corner[1]
+        a, b = x(-0.5 * side), y(0.5 * side)
+        wide, high = x(0.5 * side) - a, y(-0.5 * side) - b
         round_off = f' rx="{0.5 * wide:.1f}" ry="{0.5 * high:.1f}"' if shape == "circle" else ""
-        box = f'x="{corner[0]:.1f}" y="{corner[1]:.1f}" width="{wide:.1f}" height="{high:.1f}"'
+        box = f'x="{a:.1f}" y="{b:.1f}" width="{wide:.1f}" height="{high:.1f}"'
         parts.append(f'<rect class="outline" {box}{round_off}/>')
     parts.append(_text(left + 0.5 * size, height - 6, axes[0], "tick middle"))
     turned = f'transform="rotate(-90 12 {top + 0.5 * size:.0f})"'

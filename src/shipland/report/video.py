@@ -22,15 +22,7 @@ from shipland.frames import Pose
 from shipland.messages import Estimate, FlightRecord, GroundTruth, TouchdownVerdict
 from shipland.record.columns import derive
 from shipland.report.lettering import Image
-from shipland.report.overlay import (
-    STRIP_HEIGHT_PX,
-    STRIP_WIDTH_PX,
-    TRACES_WIDTH_PX,
-    Instruments,
-    draw_sight,
-    draw_verdict,
-    draw_zoom,
-)
+from shipland.report.overlay import STRIP_HEIGHT_PX, STRIP_WIDTH_PX, Instruments, draw_sight, draw_verdict, draw_zoom
 from shipland.rig import Rig
 
 if TYPE_CHECKING:
@@ -68,38 +60,29 @@ class Moments:
         if not self._has_estimate or not due:
             return None, truth
         estimate = max(due, key=lambda item: item.t_s)
-        return estimate, self._truth_at(estimate.t_s)
-
-    def _truth_at(self, t_s: float) -> GroundTruth | None:
-        for before, after in pairwise(self._truths):
-            if before.t_s - 1e-6 <= t_s <= after.t_s + 1e-6:
-                return between(before, after, t_s)
-        return next((truth for truth in self._truths if abs(truth.t_s - t_s) <= 1e-6), None)
+        pairs = list(pairwise(self._truths)) or [(only, only) for only in self._truths]
+        around = (pair for pair in pairs if pair[0].t_s - 1e-6 <= estimate.t_s <= pair[1].t_s + 1e-6)
+        return estimate, next((between(*pair, estimate.t_s) for pair in around), None)
 
 
 def between(before: GroundTruth, after: GroundTruth, t_s: float) -> GroundTruth:
     """The truth at a time between two, or nearest to it: places by line, turns by the shortest arc."""
     span_s = after.t_s - before.t_s
     share = 0.0 if span_s <= 0.0 else min(1.0, max(0.0, (t_s - before.t_s) / span_s))
-
-    def pose(first: Pose, last: Pose) -> Pose:
-        turn = Rotation.from_matrix(first.rotation.T @ last.rotation).as_rotvec()
-        rotation = first.rotation @ Rotation.from_rotvec(share * turn).as_matrix()
-        return Pose(rotation, first.translation_m + share * (last.translation_m - first.translation_m))
-
     moved: dict[str, Any] = {"t_s": before.t_s + share * span_s}
     for name, first in vars(before).items():
         last = getattr(after, name)
         if isinstance(first, Pose):
-            moved[name] = pose(first, last)
+            turn = Rotation.from_matrix(first.rotation.T @ last.rotation).as_rotvec()
+            rotation = first.rotation @ Rotation.from_rotvec(share * turn).as_matrix()
+            moved[name] = Pose(rotation, first.translation_m + share * (last.translation_m - first.translation_m))
         elif isinstance(first, np.ndarray):
             moved[name] = first + share * (last - first)
     return replace(before, **moved)
 
 
-CHASE_WIDTH_PX = TRACES_WIDTH_PX
 Chase = Callable[[GroundTruth], Image]
-"""Renders the outside view, (h, CHASE_WIDTH_PX, 3) BGR for choice, of a moment."""
+"""Renders the outside view, (h, TRACES_WIDTH_PX, 3) BGR for choice, of a moment."""
 
 _TICK_S = Fraction(1, 90000)
 _BLANK: tuple[int, int, int] = (60, 56, 52)
@@ -206,12 +189,10 @@ class _Mpeg4:
         self._writer = cv2.VideoWriter(str(path), codec, parameters.rate_hz, (width_px, height_px))
         if not self._writer.isOpened():
             raise DataError(f"video {path} cannot be written: OpenCV has no encoder for it")
+        self.close = self._writer.release
 
     def write(self, image: Image, t_s: float) -> None:  # noqa: ARG002
         self._writer.write(image)
-
-    def close(self) -> None:
-        self._writer.release()
 
 
 class FlightVideo:
@@ -228,14 +209,13 @@ class FlightVideo:
         self._path, self._rig, self._parameters, self._chase = path, rig, parameters, chase
         self._scale = STRIP_WIDTH_PX / camera.width_px
         self._picture_height_px = 2 * round(0.5 * self._scale * camera.height_px)
-        width_px = STRIP_WIDTH_PX + (CHASE_WIDTH_PX if chase else 0)
-        self._canvas = np.full((self._picture_height_px + STRIP_HEIGHT_PX, width_px, 3), _BLANK, np.uint8)
         self._instruments = Instruments(with_traces=chase is not None, trace_s=parameters.trace_s)
+        height_px = self._picture_height_px + STRIP_HEIGHT_PX
+        self._canvas = np.full((height_px, self._instruments.width_px, 3), _BLANK, np.uint8)
         self._writer: VideoWriter | None = None
         self._newest: FlightRecord | None = None
         self._moments = Moments()
-        self._start_s = 0.0
-        self._ticks = 0
+        self._start_s, self._ticks = 0.0, 0
         self._chase_due_s = -np.inf
         self._stale = False
 

@@ -12,7 +12,7 @@ import numpy as np
 from shipland.errors import ConfigError
 from shipland.extras import require
 from shipland.messages import FlightRecord
-from shipland.report.palette import STICK_NAMES
+from shipland.report.palette import STICKS
 from shipland.rig import Rig
 
 
@@ -48,20 +48,19 @@ class Viewer:
         if truth is not None:
             poses = {"deck": truth.ned_from_deck, "bar": truth.ned_from_bar, "aircraft": truth.ned_from_body}
             for name, pose in poses.items():
-                transform = rerun.Transform3D(translation=pose.translation_m, mat3x3=pose.rotation)
-                self._log(f"world/{name}", transform)
+                self._log(f"world/{name}", rerun.Transform3D(translation=pose.translation_m, mat3x3=pose.rotation))
             self._path.append(truth.ned_from_body.translation_m)
             self._log("world/path", rerun.LineStrips3D([self._path]))
-        image = record.frame.image
-        if image is not None:
-            self._log("camera", rerun.Image(np.ascontiguousarray(image[:, :, ::-1])).compress(jpeg_quality=80))
-        pose_seen = record.observation.bar_pose
-        corners = np.zeros((0, 2)) if pose_seen is None else pose_seen.corners_px
+        if record.frame.image is not None:
+            rgb = np.ascontiguousarray(record.frame.image[:, :, ::-1])
+            self._log("camera", rerun.Image(rgb).compress(jpeg_quality=80))
+        seen = record.observation
+        corners = np.zeros((0, 2)) if seen.bar_pose is None else seen.bar_pose.corners_px
         self._log("camera/corners", rerun.Points2D(corners, radii=4.0, colors=[[255, 200, 0]]))
-        boxes = [box for box in (record.observation.bar_box, record.observation.ship_box) if box is not None]
+        boxes = [box for box in (seen.bar_box, seen.ship_box) if box is not None]
         centres, sizes = [box.centre_px for box in boxes], [box.size_px for box in boxes]
         self._log("camera/boxes", rerun.Boxes2D(centers=centres, sizes=sizes))
-        for name, percent in zip(STICK_NAMES, decision.command.sticks_percent, strict=True):
+        for name, percent in zip(STICKS, decision.command.sticks_percent, strict=True):
             self._log(f"sticks/{name}", rerun.Scalars(percent))
         if decision.estimate is not None:
             for name, value in zip(("forward", "starboard", "down"), decision.estimate.aircraft_in_bar_m, strict=True):

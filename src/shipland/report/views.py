@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -27,8 +27,31 @@ _CIRCLE = np.array([[math.sin(0.2 * at), math.cos(0.2 * at), 0.0] for at in rang
 """Around the origin of `deck`, one to either side."""
 
 
-_Projection = Callable[[Array], Array]
-"""From points (n,3) in `ship` to columns and rows (n,2) of a panel."""
+@dataclass(frozen=True)
+class _Panel:
+    """A picture (h,WIDTH_PX,3) of `ship`: ahead to the right, another `axis`, 1 or 2, downward.
+
+    `zero_m` of that axis lies at row `zero_px`, `ahead_m` at the right edge; `scale` is in px/m.
+    """
+
+    image: Image
+    axis: int
+    zero_m: float
+    zero_px: float
+    ahead_m: float
+    scale: float
+
+    def fill(self, points_m: Array, colour: Rgb) -> None:
+        cv2.fillPoly(self.image, [self._fixed(points_m)], colour, cv2.LINE_AA, _SHIFT)
+
+    def line(self, points_m: Array, colour: Rgb, thick_px: int, *, closed: bool = False) -> None:
+        cv2.polylines(self.image, [self._fixed(points_m)], closed, colour, thick_px, cv2.LINE_AA, _SHIFT)
+
+    def _fixed(self, points_m: Array) -> cv2.typing.MatLike:
+        columns = WIDTH_PX - (self.ahead_m - points_m[:, 0]) * self.scale
+        rows = self.zero_px + (points_m[:, self.axis] - self.zero_m) * self.scale
+        fixed = np.round(np.clip(np.column_stack([columns, rows]), -1e4, 1e4) * 2**_SHIFT)
+        return np.asarray(fixed.astype(np.int32)).reshape(-1, 1, 2)
 
 
 class FlightViews:
@@ -52,79 +75,46 @@ class FlightViews:
         """
         if self._truth is None:
             raise ValueError("a picture of a flight wants a moment of it")
-        trail_m = np.array(self._trail_m)
+        rig, boxes, trail_m = self._rig, self._boxes, np.array(self._trail_m)
         shown_m = trail_m if whole else trail_m[-1:]
         reach_m = max(_LEAST_REACH_M, 1.1 * float(np.abs(shown_m[:, :2]).max()))
-        up_m = max(self._rig.superstructure_height_m, self._rig.deck_height_m - float(shown_m[:, 2].min()))
+        up_m = max(rig.superstructure_height_m, rig.deck_height_m - float(shown_m[:, 2].min()))
         span_m = max(reach_m + self._ahead_m, 1.2 * up_m * WIDTH_PX / SIDE_PX)
         if not whole:  # in steps: a film that always zooms is hard to look at
             span_m = 2.0 ** (math.ceil(2.0 * math.log2(span_m)) / 2.0)
         scale = WIDTH_PX / span_m
         image = np.full((TEXT_PX + SIDE_PX + TOP_PX, WIDTH_PX, 3), _PAPER, np.uint8)
-        self._side(image[TEXT_PX : TEXT_PX + SIDE_PX], scale, trail_m, self._truth)
-        self._top(image[TEXT_PX + SIDE_PX :], scale, trail_m, self._truth)
-        image[TEXT_PX + SIDE_PX] = GREY
+        _, side, top = np.split(image, [TEXT_PX, TEXT_PX + SIDE_PX])
+        ground_px = SIDE_PX - 10
+        side[ground_px:] = _SEA
+        beside = _Panel(side, 2, rig.deck_height_m, ground_px, self._ahead_m, scale)
+        above = _Panel(top, 1, 0.0, 0.5 * TOP_PX, self._ahead_m, scale)
+        for panel, solids, half_bar_m in (
+            (beside, (boxes.hull, boxes.house), [0.0, 0.0, 0.5 * rig.rectangle_height_m]),
+            (above, (boxes.hull,), [0.0, 0.5 * rig.board_size_m[0], 0.0]),
+        ):
+            for solid in solids:
+                panel.fill(_outline(solid), _SHIP)
+            panel.line(rig.bar_in_ship_m + np.outer([-1.0, 1.0], half_bar_m), GREEN, 4)
+            self._draw_moving(panel, trail_m, self._truth)
+        top[0] = GREY
         put_text(image, wrap_text(f"{self._truth.t_s:.1f} s  {words}", 14, WIDTH_PX - 16, 1)[0], (8, 20), 14, BLACK)
         return image
 
-    def _side(self, panel: Image, scale: float, trail_m: Array, truth: GroundTruth) -> None:
-        rig = self._rig
-        ground_px = SIDE_PX - 10.0
-
-        def px(points_m: Array) -> Array:
-            forward, down = points_m[:, 0], points_m[:, 2]
-            rows = ground_px + (down - rig.deck_height_m) * scale
-            return np.column_stack([WIDTH_PX - (self._ahead_m - forward) * scale, rows])
-
-        panel[round(ground_px) :] = _SEA
-        for solid in (self._boxes.hull, self._boxes.house):
-            _fill(panel, px(_outline(solid)), _SHIP)
-        half_m = 0.5 * rig.rectangle_height_m
-        _line(panel, px(rig.bar_in_ship_m + np.array([[0.0, 0.0, -half_m], [0.0, 0.0, half_m]])), GREEN, 4)
-        self._moving(panel, px, scale, trail_m, truth)
-
-    def _top(self, panel: Image, scale: float, trail_m: Array, truth: GroundTruth) -> None:
-        rig = self._rig
-
-        def px(points_m: Array) -> Array:
-            columns = WIDTH_PX - (self._ahead_m - points_m[:, 0]) * scale
-            return np.column_stack([columns, 0.5 * TOP_PX + points_m[:, 1] * scale])
-
-        board_m = 0.5 * rig.board_size_m[0]
-        _fill(panel, px(_outline(self._boxes.hull)), _SHIP)
-        _line(panel, px(rig.bar_in_ship_m + np.array([[0.0, -board_m, 0.0], [0.0, board_m, 0.0]])), GREEN, 4)
-        self._moving(panel, px, scale, trail_m, truth)
-
-    def _moving(self, panel: Image, px: _Projection, scale: float, trail_m: Array, truth: GroundTruth) -> None:
+    def _draw_moving(self, panel: _Panel, trail_m: Array, truth: GroundTruth) -> None:
         """Deck, trail and aircraft."""
         ship_from_ned = truth.ned_from_ship.inverse()
+        ship_from_deck, ship_from_body = ship_from_ned @ truth.ned_from_deck, ship_from_ned @ truth.ned_from_body
         landing = _CIRCLE if self._rig.landing_area == "circle" else _SQUARE
-        for outline_m, colour in (
-            (0.5 * self._rig.deck_size_m * _SQUARE, GREY),
-            (0.5 * self._rig.landing_square_m * landing, GREEN),
-        ):
-            _line(panel, px((ship_from_ned @ truth.ned_from_deck).apply(outline_m)), colour, 1, closed=True)
-        _line(panel, px(trail_m), BLUE, 1)
-        half_m = 0.5 * max(self._aircraft_m, _LEAST_AIRCRAFT_PX / scale)
-        ship_from_body = ship_from_ned @ truth.ned_from_body
+        panel.line(ship_from_deck.apply(0.5 * self._rig.deck_size_m * _SQUARE), GREY, 1, closed=True)
+        panel.line(ship_from_deck.apply(0.5 * self._rig.landing_square_m * landing), GREEN, 1, closed=True)
+        panel.line(trail_m, BLUE, 1)
+        half_m = 0.5 * max(self._aircraft_m, _LEAST_AIRCRAFT_PX / panel.scale)
         for arm_m in ([[-1.0, 0, 0], [1, 0, 0]], [[0.0, -1, 0], [0, 1, 0]]):
-            _line(panel, px(ship_from_body.apply(half_m * np.array(arm_m))), ORANGE, 3)
+            panel.line(ship_from_body.apply(half_m * np.array(arm_m)), ORANGE, 3)
 
 
 def _outline(solid: Solid) -> Array:
     """(4,3) corners, in order both from the side and from above."""
     (back, left, top), (fore, right, bottom) = solid.low_m, solid.high_m
     return np.array([[back, left, top], [back, right, bottom], [fore, right, bottom], [fore, left, top]])
-
-
-def _fixed(points_px: Array) -> cv2.typing.MatLike:
-    fixed: cv2.typing.MatLike = np.round(np.clip(points_px, -1e4, 1e4) * 2**_SHIFT).astype(np.int32)
-    return fixed.reshape(-1, 1, 2)
-
-
-def _fill(panel: Image, points_px: Array, colour: Rgb) -> None:
-    cv2.fillPoly(panel, [_fixed(points_px)], colour, cv2.LINE_AA, _SHIFT)
-
-
-def _line(panel: Image, points_px: Array, colour: Rgb, thick_px: int, *, closed: bool = False) -> None:
-    cv2.polylines(panel, [_fixed(points_px)], closed, colour, thick_px, cv2.LINE_AA, _SHIFT)
