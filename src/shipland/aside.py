@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
 from typing import IO, Any, Generic, TypeVar
@@ -60,9 +59,7 @@ class Aside(Generic[Thing]):
         with self._changed:
             self._ending = True
             self._changed.notify()
-        end_s = None if timeout_s is None else time.monotonic() + timeout_s
-        while self._thread.is_alive() and (end_s is None or time.monotonic() < end_s):
-            self._thread.join(0.1 if end_s is None else max(0.0, min(0.1, end_s - time.monotonic())))
+        self._thread.join(timeout_s)
         with self._changed:
             self.lost += len(self._things)
             self._things.clear()

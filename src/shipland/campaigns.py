@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
@@ -29,6 +29,7 @@ from shipland.evaluation.campaign import (
     rows_of,
     write_rows,
 )
+from shipland.evaluation.cluster import cluster as on_cluster
 from shipland.evaluation.landing import Landing, column_of
 from shipland.evaluation.leaderboard import (
     Pairings,
@@ -164,7 +165,7 @@ class Campaign:
             oracle_motions: motions drawn for each oracle rate; 0: none are drawn.
         """
         kept = None if self.folder is None else self.folder / "oracle_rates.json"
-        rates = oracle_rates_of(self.cells, oracle_motions, kept) if oracle_motions else {}
+        rates = oracle_rates_of(self.cells, oracle_motions, kept)
         parts = [leaderboard(self.cells, rates), rivals(self.cells)]
         if len({cell.pilot for cell in self.cells}) > 1:
             parts.append(pairings_table(pilot_pairings(self.cells)))
@@ -330,33 +331,29 @@ def _fly(
     progress: bool | Callable[[CampaignProgress], None],
 ) -> int:
     """Fly what is missing; how many were flown."""
-    if cluster:
-        from shipland.evaluation.cluster import cluster as on_cluster
-
-        executor = on_cluster(cluster)
-    else:
-        executor = processes(min(workers or len(os.sched_getaffinity(0)), left))
+    here = min(workers or len(os.sched_getaffinity(0)), left)
+    executor = on_cluster(cluster) if cluster else processes(here)
     plan, flown, success, begun_s = opened.plan, 0, 0, time.monotonic()
     if progress is not False:
         say_that_it_compiles()
     cells, area = len(plan.cells), area_of(cell.scenario.rig for cell in plan.cells)
     flights = sum(1 for _ in plan.jobs())
 
-    def now() -> CampaignProgress:
-        return CampaignProgress(cells, flights, left, flown, success, opened.lost, area)
+    def tell() -> None:
+        if callable(progress):
+            progress(CampaignProgress(cells, flights, left, flown, success, opened.lost, area))
 
     def told() -> Generator[str, None, None]:
         nonlocal flown, success
         with closing(opened.fly(executor)) as landings:
             for _, landing in landings:
                 flown, success = flown + 1, success + landing.success
-                tell(now())
-                yield _underway(now())
+                tell()
+                yield f"{success} of {flown} landed in the {area} ({Tally(flown, success).interval_text(0)})"
 
-    tell = progress if callable(progress) else lambda _: None
-    tell(now())
+    tell()
     if progress is True:
-        print(_begun(now()), file=sys.stderr, flush=True)
+        print(f"{cells} cell{'s' * (cells > 1)}, {left} of {flights} flights to fly", file=sys.stderr, flush=True)
     with closing(told()) as one_by_one:
         try:
             for _ in followed(one_by_one, "flights", left) if progress is True else one_by_one:
@@ -364,30 +361,15 @@ def _fly(
                     break
         finally:
             if progress is True:
-                print(*_ended(now(), time.monotonic() - begun_s, plan.out is not None), sep="\n", file=sys.stderr)
+                spent_s = time.monotonic() - begun_s
+                again = "; run it again to resume" if plan.out is not None and flown < left else ""
+                rate = f"{60.0 * flown / spent_s:.0f} a minute"
+                print(f"{flown} of {left} flown in {spent_s:.0f} s ({rate}){again}", file=sys.stderr)
+                for cell, seed, reason in opened.lost[:_MOST_LOST]:
+                    print(f"lost: {cell}, seed {seed}: {reason}", file=sys.stderr)
+                if len(opened.lost) > _MOST_LOST:
+                    print(f"lost: {len(opened.lost) - _MOST_LOST} more", file=sys.stderr)
     return flown
-
-
-def _begun(now: CampaignProgress) -> str:
-    """What there is to fly."""
-    return f"{now.cells} cell{'s' * (now.cells > 1)}, {now.to_fly} of {now.flights} flights to fly"
-
-
-def _underway(now: CampaignProgress) -> str:
-    """How many landed so far."""
-    interval = Tally(now.flown, now.success).interval_text(0)
-    return f"{now.success} of {now.flown} landed in the {now.area} ({interval})"
-
-
-def _ended(now: CampaignProgress, spent_s: float, resumes: bool) -> Iterator[str]:
-    """How many were flown, and the flights that were lost, a line each."""
-    again = "; run it again to resume" if resumes and now.flown < now.to_fly else ""
-    rate = f"{60.0 * now.flown / spent_s:.0f} a minute"
-    yield f"{now.flown} of {now.to_fly} flown in {spent_s:.0f} s ({rate}){again}"
-    for cell, seed, reason in now.lost[:_MOST_LOST]:
-        yield f"lost: {cell}, seed {seed}: {reason}"
-    if len(now.lost) > _MOST_LOST:
-        yield f"lost: {len(now.lost) - _MOST_LOST} more"
 
 
 def _write(found: Campaign, plan: CampaignPlan, folder: Path, oracle_motions: int) -> None:

@@ -102,6 +102,8 @@ def _polish(command: type[Command]) -> None:
         default = getattr(command, name, 0)
         hidden = "" if default in (None, "", ()) or isinstance(default, bool) else None
         metavar = "PATH …" if hint == tuple[Path, ...] else "NAME …" if hint == tuple[str, ...] else None
+        if getattr(hint, "__metadata__", ())[-1:] == (tyro.conf.Positional,):
+            metavar = f"[{name.upper()}]" if hasattr(command, name) else name.upper()
         said = words.get(name, "")
         shown: Any = tyro.conf.arg(metavar=metavar, help=said[:1].upper() + said[1:], help_behavior_hint=hidden)
         command.__annotations__[name] = Annotated[hint, shown]

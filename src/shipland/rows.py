@@ -29,9 +29,6 @@ from shipland.former import todays
 T = TypeVar("T")
 Row = dict[str, Any]
 
-_PICTURE = object()
-"""Stands for the annotation of a picture, which a row does not hold."""
-
 _WIDTHS = {"rotation": 3, "covariance": 4, "corners_px": 2, "matrix": 3}
 """Columns of the fields that are two-dimensional arrays."""
 
@@ -40,15 +37,22 @@ _JSON_TYPES: dict[type, str] = {float: "number", int: "integer", bool: "boolean"
 
 @dataclasses.dataclass(frozen=True)
 class _Part:
-    """One field: a leaf (`parts` empty) or a dataclass of more parts."""
+    """One field: a dataclass of more parts, or a leaf.
 
-    column: str
+    Attributes:
+        kind: its annotation, without None.
+        item: the dataclass that it is a tuple of, if it is.
+        columns: of the leaves in it; a picture has none.
+    """
+
     field: str
     kind: Any
     optional: bool
     meaning: str
     has_default: bool
-    parts: tuple[_Part, ...] = ()
+    parts: tuple[_Part, ...]
+    item: Any
+    columns: tuple[str, ...]
 
 
 def to_row(value: object) -> Row:
@@ -92,7 +96,7 @@ def _parts(cls: Any, prefix: str) -> tuple[_Part, ...]:  # noqa: ANN401 - mypy h
 
 @functools.cache
 def _cached_parts(cls: Any, prefix: str) -> tuple[_Part, ...]:  # noqa: ANN401
-    hints, meanings = typing.get_type_hints(cls), descriptions(cls)
+    hints, meanings, missing = typing.get_type_hints(cls), descriptions(cls), dataclasses.MISSING
     parts = []
     for field in dataclasses.fields(cls):
         hint, optional = hints[field.name], False
@@ -102,11 +106,16 @@ def _cached_parts(cls: Any, prefix: str) -> tuple[_Part, ...]:  # noqa: ANN401
         if typing.get_origin(hint) is typing.Literal:  # a choice of words is a text
             hint = str
         column = f"{prefix}{field.name}"
-        if _is_picture(hint):
-            hint = _PICTURE
         children = _parts(hint, f"{column}_") if dataclasses.is_dataclass(hint) else ()
-        has_default = (field.default, field.default_factory) != (dataclasses.MISSING, dataclasses.MISSING)
-        parts.append(_Part(column, field.name, hint, optional, meanings.get(field.name, ""), has_default, children))
+        columns = tuple(name for child in children for name in child.columns) if children else (column,)
+        item = typing.get_args(hint)[0] if typing.get_origin(hint) is tuple else None
+        has_default = (field.default, field.default_factory) != (missing, missing)
+        parts.append(
+            _Part(
+                field.name, hint, optional, meanings.get(field.name, ""), has_default, children,
+                item if dataclasses.is_dataclass(item) else None, () if _is_picture(hint) else columns,
+            )
+        )  # fmt: skip
     return tuple(parts)
 
 
@@ -118,28 +127,24 @@ def _write(row: Row, part: _Part, value: Any) -> None:  # noqa: ANN401
     if part.parts:
         for child in part.parts:
             _write(row, child, None if value is None else getattr(value, child.field))
-    elif _item(part) is not None:
-        row[part.column] = json.dumps([dataclasses.asdict(item) for item in value])
-    elif part.kind is not _PICTURE:
+    elif part.item is not None:
+        row[part.columns[0]] = json.dumps([dataclasses.asdict(item) for item in value])
+    elif part.columns:
         if isinstance(value, np.ndarray) and value.ndim == 2:
             if value.shape[1] != _WIDTHS[part.field]:
-                raise ValueError(f"{part.column} wants {_WIDTHS[part.field]} columns, got {value.shape[1]}")
+                raise ValueError(f"{part.columns[0]} wants {_WIDTHS[part.field]} columns, got {value.shape[1]}")
             value = value.ravel()
-        row[part.column] = _plain(value)
+        row[part.columns[0]] = _plain(value)
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401
     if isinstance(value, enum.Enum):
         return value.name
-    if isinstance(value, np.ndarray):
+    if isinstance(value, np.ndarray | np.generic):
         return value.tolist() if np.isfinite(value).all() else _plain(value.tolist())
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
-    if isinstance(value, np.bool_):
-        return bool(value)
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    return int(value) if isinstance(value, np.integer) else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _values(row: Row, parts: tuple[_Part, ...]) -> Row:
@@ -148,27 +153,26 @@ def _values(row: Row, parts: tuple[_Part, ...]) -> Row:
 
 
 def _absent(row: Row, part: _Part) -> bool:
-    return part.kind is not _PICTURE and not any(column in row for column in _columns(part))
+    return not any(column in row for column in part.columns)
 
 
 def _read(row: Row, part: _Part) -> Any:  # noqa: ANN401
     if part.parts:
-        if part.optional and not _absent(row, part) and all(row.get(column) is None for column in _columns(part)):
+        if part.optional and not _absent(row, part) and all(row.get(column) is None for column in part.columns):
             return None
         return part.kind(**_values(row, part.parts))
-    if part.kind is _PICTURE:
+    if not part.columns:
         return None
-    value = row[part.column]
+    column, origin = part.columns[0], typing.get_origin(part.kind)
+    value = row[column]
     if value is None and part.optional:
         return None
-    if isinstance(part.kind, type) and issubclass(part.kind, enum.Enum):
-        if (name := todays(value)) not in part.kind.__members__:
-            raise ValueError(f"{part.column} is {value!r}, expected one of {', '.join(part.kind.__members__)}")
-        return part.kind[name]
-    item = _item(part)
-    if item is not None:
-        return tuple(build(item, each, part.column) for each in json_of(value))
-    origin = typing.get_origin(part.kind)
+    if (members := getattr(part.kind, "__members__", None)) is not None:
+        if (name := todays(value)) not in members:
+            raise ValueError(f"{column} is {value!r}, expected one of {', '.join(members)}")
+        return members[name]
+    if part.item is not None:
+        return tuple(build(part.item, each, column) for each in json_of(value))
     if origin is np.ndarray:
         array = np.array(value, dtype=float)  # None becomes NaN
         return array.reshape(-1, _WIDTHS[part.field]) if part.field in _WIDTHS else array
@@ -177,33 +181,20 @@ def _read(row: Row, part: _Part) -> Any:  # noqa: ANN401
     if part.kind is float:
         return math.nan if value is None else float(value)
     if not isinstance(value, part.kind):
-        raise TypeError(f"{part.column} is {value!r}, expected {part.kind.__name__}")
+        raise TypeError(f"{column} is {value!r}, expected {part.kind.__name__}")
     return value
-
-
-def _item(part: _Part) -> type | None:
-    """The dataclass that a field is a tuple of; None for every other field."""
-    arguments = typing.get_args(part.kind)
-    is_tuple = typing.get_origin(part.kind) is tuple and arguments and dataclasses.is_dataclass(arguments[0])
-    return typing.cast(type, arguments[0]) if is_tuple else None
-
-
-def _columns(part: _Part) -> list[str]:
-    if part.parts:
-        return [column for child in part.parts for column in _columns(child)]
-    return [] if part.kind is _PICTURE else [part.column]
 
 
 def _describe(properties: Row, part: _Part, owner: str) -> None:
     meaning = ": ".join(text.rstrip(".") for text in (owner, part.meaning) if text)
     for child in part.parts:
         _describe(properties, child, meaning)
-    if part.parts or part.kind is _PICTURE:
+    if part.parts or not part.columns:
         return
-    if (isinstance(part.kind, type) and issubclass(part.kind, enum.Enum)) or _item(part) is not None:
+    if hasattr(part.kind, "__members__") or part.item is not None:
         schema: Row = {"type": "string"}
     elif typing.get_origin(part.kind) in (np.ndarray, tuple):
         schema = {"type": "array", "items": {"type": "number"}}
     else:
         schema = {"type": _JSON_TYPES[part.kind]}
-    properties[part.column] = schema | ({"description": meaning} if meaning else {})
+    properties[part.columns[0]] = schema | ({"description": meaning} if meaning else {})

@@ -177,17 +177,14 @@ def _work(descriptor: int) -> None:
     try:
         do = cloudpickle.loads(link.recv_bytes())
         while True:
-            link.send_bytes(_answer(do, link.recv_bytes()))
+            job = link.recv_bytes()
+            try:
+                answer = _pickled((True, do(cloudpickle.loads(job))))
+            except Exception as error:
+                answer = _pickled((False, _words(error)))
+            link.send_bytes(answer)
     except (EOFError, OSError):
         return
-
-
-def _answer(do: Callable[[Any], Any], job: bytes) -> bytes:
-    """Pickled, as `_received` gives it."""
-    try:
-        return _pickled((True, do(cloudpickle.loads(job))))
-    except Exception as error:
-        return _pickled((False, _words(error)))
 
 
 def die_with_parent(descriptor: int) -> None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import shlex
-import sys
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shipland.commands.options import Changes, Log, command_line, require_record
+from shipland.commands.options import Changes, PathArgument, command_line, require_record, say
+from shipland.errors import ConfigError, DataError
 from shipland.extras import installed
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ class Again:
     Example: shipland again out/near/near_horizon --seed 17 --video
     """
 
-    log: Log
+    log: PathArgument
     """Log (flight.mcap) of a simulated flight, or the folder of a campaign's cell."""
     seed: int | None = None
     """Which flight of a cell."""
@@ -54,14 +54,19 @@ class Again:
     def run(self) -> int:
         """Fly, compare, draw; 0 when landed in the square, 1 when not."""
         from shipland.api import fly
-        from shipland.errors import ConfigError
+        from shipland.evaluation.replays import flown_in_cell
         from shipland.record.reader import read_log
         from shipland.report.again import comparison, plot_pair, versions
         from shipland.report.outputs import LOG_NAME
         from shipland.scenario.autonomy import response_of
         from shipland.scenario.real_vehicle import identified
 
-        known = self._of_a_cell() if self.log.is_dir() else self._of_a_log()
+        if not self.log.is_dir():
+            known = self._of_a_log()
+        elif self.seed is None:
+            raise ConfigError(f"{self.log} is a folder: say which of its flights, as --seed 7")
+        else:
+            known = flown_in_cell(self.log, self.seed, self.pilot, self.vision, self.changes)
         out = self.out or known.out
         if known.log is not None and out.resolve() == known.log.resolve().parent:
             raise ConfigError(f"--out {out} is where {known.log.name} lies, which would be written over")
@@ -69,11 +74,8 @@ class Again:
         if self.vehicle_config is not None:
             response = identified(self.vehicle_config, response_of(known.scenario))
         if words := versions(known.version):
-            print(words, file=sys.stderr)
-        print(
-            f"{known.scenario.name}, seed {known.seed}, pilot {known.pilot}, vision {known.vision}",
-            file=sys.stderr, flush=True,
-        )  # fmt: skip
+            say(words)
+        say(f"{known.scenario.name}, seed {known.seed}, pilot {known.pilot}, vision {known.vision}")
         flight = fly(
             known.scenario, pilot=known.pilot, vision=known.vision, seed=known.seed, out=out, video=self.video,
             command=command_line(), response=response,
@@ -83,18 +85,16 @@ class Again:
             print(f"as it was flown: {known.result}\nagain:           {flight.reason}")
         else:
             before, after = read_log(known.log), read_log(out / LOG_NAME)
-            for line in comparison(before, after):
-                print(line)
+            print(*comparison(before, after), sep="\n")
             if not installed("plots"):
-                print("no side-by-side.png: pip install 'shipland[plots]'", file=sys.stderr)
+                say("no side-by-side.png: pip install 'shipland[plots]'")
             elif before.records and after.records:
                 plot_pair(out / "side-by-side.png", before, after)
-        print(f"{out}: {', '.join(sorted(path.name for path in out.iterdir() if path.is_file()))}", file=sys.stderr)
+        say(f"{out}: {', '.join(sorted(path.name for path in out.iterdir() if path.is_file()))}")
         return 0 if flight.success else 1
 
     def _of_a_log(self) -> PastFlight:
         """A simulated flight's log; DataError for another's."""
-        from shipland.errors import ConfigError, DataError
         from shipland.evaluation.replays import PastFlight, flown_setup
         from shipland.record.reader import read_log
 
@@ -108,16 +108,7 @@ class Again:
         if info.seed is None or "--vehicle" in words:
             raise DataError(f"{self.log} is no flight of the simulator: only that can be flown again; see `replay`")
         if "--vehicle-config" in words and self.vehicle_config is None:
-            print("it was flown with --vehicle-config, which the log does not hold: give it again", file=sys.stderr)
+            say("it was flown with --vehicle-config, which the log does not hold: give it again")
         scenario, pilot, vision = flown_setup(before, self.log, self.pilot, self.vision, self.changes)
         version = info.code_version or info.software_version
         return PastFlight(scenario, pilot, vision, info.seed, version, Path("out/again"), self.log)
-
-    def _of_a_cell(self) -> PastFlight:
-        """One flight of a campaign's cell; ConfigError where no seed is given, or none that was flown."""
-        from shipland.errors import ConfigError
-        from shipland.evaluation.replays import flown_in_cell
-
-        if self.seed is None:
-            raise ConfigError(f"{self.log} is a folder: say which of its flights, as --seed 7")
-        return flown_in_cell(self.log, self.seed, self.pilot, self.vision, self.changes)

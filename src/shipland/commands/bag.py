@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from shipland.commands.options import Log
+from shipland.commands.options import PathArgument
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Bag:
     Example: shipland bag out/flight/flight.mcap --out out/bag
     """
 
-    log: Log
+    log: PathArgument
     """Log of a flight, its flight.mcap."""
     out: Path = Path("out/bag")
     """Folder of the bag; must not be there yet."""

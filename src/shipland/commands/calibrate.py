@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from shipland.commands.options import Paths
+from shipland.commands.options import Paths, say
 
 
 @dataclass(frozen=True)
@@ -40,5 +39,5 @@ class Calibrate:
 
         board = Board(self.board, self.square_m, self.charuco, self.marker_m, self.dictionary)
         print(calibrate(self.paths, board, self.out).to_text())
-        print(f"{self.out}; where the corners lay: {self.out.with_suffix('.png')}", file=sys.stderr)
+        say(f"{self.out}; where the corners lay: {self.out.with_suffix('.png')}")
         return 0

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import shlex
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from shipland.commands.options import CampaignOptions, SuiteName, command_line, names_of, picture
+from shipland.commands.options import CampaignOptions, NameArgument, command_line, names_of, picture, say
 from shipland.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -35,7 +34,7 @@ class Campaign(CampaignOptions):
         --set aircraft.loop.kind=attitude,velocity --runs 200 --minutes 9 --out out/tables
     """
 
-    suite: SuiteName = ""
+    suite: NameArgument = ""
     """Name of a suite (see `shipland suites`), or the path of its TOML file; none with --scenario."""
     out: Path = Path("out/campaign")
     """Output folder; made when missing."""
@@ -63,7 +62,7 @@ class Campaign(CampaignOptions):
         of_a_cell = f"landings.csv, table.md, {picture('landings.png')} and logs"
         files = f"tables.md, flights.csv, and for each cell a folder with {of_a_cell}"
         page = f"one page of all: shipland report {shlex.quote(str(self.out))}"
-        print(f"{self.out}: {files}; {page}", file=sys.stderr)
+        say(f"{self.out}: {files}; {page}")
         return 130 if stopped else int(found.left > 0)
 
     def _campaign(self, workers: int) -> campaigns.Campaign:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated
 
-import tyro
+from shipland.commands.options import PathArgument
 
 
 @dataclass(frozen=True)
@@ -23,9 +21,9 @@ class Compare:
     Example: shipland compare out/before out/after
     """
 
-    first: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FIRST")]
+    first: PathArgument
     """Folder of a campaign, or of a cell in one."""
-    second: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SECOND")]
+    second: PathArgument
     """Folder of another."""
 
     def run(self) -> int:

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
-import tyro
-
-from shipland.commands.options import ScenarioOptions
+from shipland.commands.options import NameArgument, ScenarioOptions
 from shipland.errors import ConfigError
 
 
@@ -21,9 +18,9 @@ class Config(ScenarioOptions):
     Example: shipland config near wind --set wind.mean_mps=5
     """
 
-    scenario: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[SCENARIO]")] = "near"
+    scenario: NameArgument = "near"
     """Packaged scenario (see `shipland scenarios`), or the path of a TOML file laid over the defaults."""
-    key: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[KEY]")] = ""
+    key: NameArgument = ""
     """Print only keys that begin with this, as `wind` or `guidance.horizon.path`."""
     changed: bool = False
     """Print only keys whose value is not the packaged default."""

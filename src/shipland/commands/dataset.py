@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from shipland.commands.options import Folder
+from shipland.commands.options import PathArgument
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Dataset:
     Example: shipland dataset out/flights --lerobot --pictures --licence CC-BY-4.0
     """
 
-    folder: Folder
+    folder: PathArgument
     """Folder of a campaign, or with the logs of flights in it (flight.mcap)."""
     licence: str
     """Licence that the data will have: SPDX's name of one for data, or the address of another."""

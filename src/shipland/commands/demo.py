@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import shlex
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 from shipland.commands.fly import Fly
+from shipland.commands.options import say
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,6 @@ class Demo:
         """Fly it, and say what to look at and what to do next."""
         code = Fly(scenario="demo", seed=self.seed, out=self.out).run()
         film, log = (shlex.quote(str(self.out / name)) for name in ("flight.mp4", "flight.mcap"))
-        print(f"look at {film}; open {log} in Foxglove", file=sys.stderr)
-        print("next: shipland campaign --scenario near --runs 20 --out out/near20", file=sys.stderr)
+        say(f"look at {film}; open {log} in Foxglove")
+        say("next: shipland campaign --scenario near --runs 20 --out out/near20")
         return code

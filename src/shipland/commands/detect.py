@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from shipland.commands.options import refuse_written_over
-from shipland.commands.pictures import PictureOptions, Results
+from shipland.commands.pictures import PictureOptions, look
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Detect(PictureOptions):
         settings = detector_parameters(self.config)
         detector = Detector.load(self.weights or self.kind, settings, self.classes)
         confidence = settings.acquire_confidence if self.confidence is None else self.confidence
-        with Results(self, COLUMNS, lambda it: draw_boxes(it.picture.image, it.boxes)) as results:
-            for result in detect_paths(self.paths, detector, confidence, results.broken):
-                results.add(result)
-        return results.exit_code
+        return look(
+            self, COLUMNS, lambda it: draw_boxes(it.picture.image, it.boxes),
+            lambda broken: detect_paths(self.paths, detector, confidence, broken),
+        )  # fmt: skip

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import tyro
-
-from shipland.commands.options import CampaignOptions, command_line, names_of, picture
+from shipland.commands.options import CampaignOptions, NameArgument, command_line, names_of, picture, say
 from shipland.errors import ConfigError, DataError
 from shipland.extras import installed
 
@@ -36,7 +33,7 @@ class Envelope(CampaignOptions):
     Example: shipland envelope frigate-sea5 --set ship.sea.waves_from_deg=0,60,120 --out out/waves
     """
 
-    scenario: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SCENARIO", help_behavior_hint="")]
+    scenario: NameArgument
     """Ship and aircraft, as in `shipland fly`; several with commas between make an envelope each."""
     out: Path = Path("out/envelope")
     """Output folder; made when missing."""
@@ -64,7 +61,7 @@ class Envelope(CampaignOptions):
         write_rows(self.out / "flights.csv", found.cells)
         if found.envelopes:
             print(write_envelopes(self.out, found.envelopes, command_line(), installed("plots")), end="")
-            print(f"{self.out}: envelope.json, envelope.md, flights.csv, {picture('envelope.png')}", file=sys.stderr)
+            say(f"{self.out}: envelope.json, envelope.md, flights.csv, {picture('envelope.png')}")
         elif not stopped:
             raise DataError(f"{self.out}: not every cell has a flight yet; run the command again to resume")
         return 130 if stopped else int(found.left > 0)

@@ -6,14 +6,11 @@ import difflib
 import itertools
 import json
 import re
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-import tyro
-
+from shipland.commands.options import NameArgument, say
 from shipland.errors import ConfigError, DataError
 
 _PACKAGE = Path(__file__).parents[1]
@@ -28,7 +25,7 @@ class Example:
     Example: shipland example own_pilot.py
     """
 
-    name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[NAME]", help_behavior_hint="")] = ""
+    name: NameArgument = ""
     """File name of the example."""
     out: Path | None = None
     """Write it there instead."""
@@ -51,7 +48,7 @@ class Example:
                 file.write(texts[self.name])
         except FileExistsError:
             raise DataError(f"{out} is there already; --out gives another place") from None
-        print(f"written: {out}", file=sys.stderr)
+        say(f"written: {out}")
         return 0
 
 

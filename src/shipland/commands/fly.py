@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shipland.commands.options import ScenarioOptions, check_ports, command_line, require_record
+from shipland.commands.options import ScenarioOptions, check_between, command_line, require_record
 from shipland.errors import ConfigError
 from shipland.extras import installed
 
@@ -134,7 +134,7 @@ class Fly(ScenarioOptions):
         from shipland.factories import resolve
 
         checked_seed(self.seed)
-        check_ports(live_port=self.live_port)
+        check_between(0, 65535, live_port=self.live_port)
         resolve("visions", self.vision)
         if self.wind_mps is not None and not (math.isfinite(self.wind_mps) and self.wind_mps >= 0.0):
             raise ConfigError(f"--wind-mps must be 0 or more, got {self.wind_mps:g}")

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 import shlex
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from shipland.commands.options import Log, refuse_written_over
+from shipland.commands.options import PathArgument, refuse_written_over, say
 from shipland.errors import ConfigError
 
 
@@ -21,7 +20,7 @@ class Identify:
     Example: shipland identify out/flight/flight.mcap --out vehicle.toml
     """
 
-    log: Log
+    log: PathArgument
     """Log (flight.mcap) of a flight with telemetry of attitude and velocity."""
     out: Path = Path("vehicle.toml")
     """TOML file; written over."""
@@ -41,5 +40,5 @@ class Identify:
         print(found.table())
         with writing(self.out):
             self.out.write_text(f"# shipland identify {self.log.name}\n{found.toml(self.uplink_s)}", encoding="utf-8")
-        print(f"written: {self.out}; fly with --vehicle-config {shlex.quote(str(self.out))}", file=sys.stderr)
+        say(f"written: {self.out}; fly with --vehicle-config {shlex.quote(str(self.out))}")
         return 0

@@ -20,10 +20,9 @@ if TYPE_CHECKING:
     from shipland.learning.shot import ShipAndCamera
     from shipland.scenario.scenario import Scenario
 
-Log = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]
-Folder = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")]
+PathArgument = Annotated[Path, tyro.conf.Positional]
+NameArgument = Annotated[str, tyro.conf.Positional]
 Paths = Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PATH …", help_behavior_hint="")]
-SuiteName = Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[SUITE]", help_behavior_hint="")]
 Changes = Annotated[tuple[str, ...], tyro.conf.arg(name="set", metavar="KEY=VALUE"), tyro.conf.UseAppendAction]
 Flown = TypeVar("Flown")
 
@@ -117,6 +116,11 @@ def picture(name: str) -> str:
     return name if installed("plots") else f"(no {name}: pip install 'shipland[plots]')"
 
 
+def say(words: str) -> None:
+    """A line for the person at the terminal, apart from what the command prints."""
+    print(words, file=sys.stderr, flush=True)
+
+
 def command_line() -> str:
     """The command as it was typed."""
     return shlex.join(["shipland", *sys.argv[1:]])
@@ -130,14 +134,8 @@ def names_of(option: str, text: str) -> tuple[str, ...]:
     return names
 
 
-def check_between(option: str, value: float | None, low: float, high: float) -> None:
-    """ConfigError, by its option, for a number that is given and lies outside of a range, or is NaN."""
-    if value is not None and not low <= value <= high:
-        raise ConfigError(f"{option} must be {low:g} to {high:g}, got {value:g}")
-
-
-def check_ports(**ports: int | None) -> None:
-    """ConfigError, by its flag, for a port that is given and that no network has."""
-    for name, port in ports.items():
-        if port is not None and not 0 <= port <= 65535:
-            raise ConfigError(f"--{name.replace('_', '-')} must be 0 to 65535, got {port}")
+def check_between(low: float, high: float, **options: float | None) -> None:
+    """ConfigError, by its flag, for a number that is given and lies outside of a range, or is NaN."""
+    for name, value in options.items():
+        if value is not None and not low <= value <= high:
+            raise ConfigError(f"--{name.replace('_', '-')} must be {low:.9g} to {high:.9g}, got {value:.9g}")

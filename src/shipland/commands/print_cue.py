@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from shipland.commands.options import refuse_written_over
+from shipland.commands.options import refuse_written_over, say
 from shipland.extras import require
 
 
@@ -26,7 +25,7 @@ class PrintCue:
     Example: shipland print-cue --board 9x6 --square-m 0.025 --out board.pdf
     """
 
-    cue: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[CUE]", help_behavior_hint="")] = None
+    cue: Annotated[Path | None, tyro.conf.Positional] = None
     """TOML file of a cue, as `shipland see --cue` takes it; the rig's bar when left out."""
     board: str = ""
     """Print a chessboard instead, with so many inner corners across x down."""
@@ -54,9 +53,9 @@ class PrintCue:
             rig = load_scenario({})
             cue = rig.rig.cue if self.cue is None else Cue.from_file(self.cue)
             drawing = cue_drawing(cue, rig.vision.hue)
-            print(f"cue: {cue.size_words}", file=sys.stderr)
+            say(f"cue: {cue.size_words}")
             title = "the rig's bar" if self.cue is None else self.cue.name
         sheets = print_sheets(self.out, drawing, self.paper, title)
         print(f"{self.out}: {title}, {words_of(drawing, sheets, self.paper)}")
-        print("print at 100 % (actual size), then measure the line of 100 mm at the foot", file=sys.stderr)
+        say("print at 100 % (actual size), then measure the line of 100 mm at the foot")
         return 0

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from shipland.commands.options import ScenarioOptions
+from shipland.commands.options import ScenarioOptions, say
 
 if TYPE_CHECKING:
     from shipland.scenario.scenario import Scenario
@@ -47,7 +46,7 @@ class Publish(ScenarioOptions):
         if not isinstance(made, SetpointVehicle):  # of either's own class the other's extra may be missing
             raise ConfigError(f"--vehicle {self.vehicle}: only mavlink:// and ros2:// vehicles take these messages")
         vehicle = cast("MavlinkVehicle | Ros2Vehicle", made)
-        print(f"connecting to {self.vehicle}", file=sys.stderr, flush=True)
+        say(f"connecting to {self.vehicle}")
         vehicle.connect()
         try:
             count = self._publish(vehicle, scenario)

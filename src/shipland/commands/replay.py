@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from shipland.commands.options import ScenarioOptions, check_between, command_line, refuse_written_over
+from shipland.commands.options import ScenarioOptions, check_between, command_line, refuse_written_over, say
 
 if TYPE_CHECKING:
     from shipland.evaluation.replays import Pair, Recording
@@ -51,15 +50,14 @@ class Replay(ScenarioOptions):
 
         written = [path for path in (self.out, self.viewer_file) if path is not None]
         refuse_written_over(written, [self.recording, self.calibration, self.config])
-        check_between("--pitch-deg", self.pitch_deg, -90.0, 90.0)
+        check_between(-90.0, 90.0, pitch_deg=self.pitch_deg)
         recording = self._recording()
-        for line in differences(self._replayed(recording)):
-            print(line)
+        print(*differences(self._replayed(recording)), sep="\n")
         if written:
-            print(f"written: {', '.join(map(str, written))}", file=sys.stderr)
+            say(f"written: {', '.join(map(str, written))}")
         if not recording.complete:
             how = f"{len(recording.records)} cycles read, the log was not closed"
-            print(f"shipland: {self.recording} breaks off: {how}", file=sys.stderr)
+            say(f"shipland: {self.recording} breaks off: {how}")
         return 0 if recording.complete else 1
 
     def _replayed(self, recording: Recording) -> list[Pair]:
@@ -87,7 +85,7 @@ class Replay(ScenarioOptions):
         if is_video(self.recording):
             pilot, vision = self.pilot or "horizon", self.vision or "rendered"
             if self.calibration is None:
-                print("camera: that of the scenario; --calibration gives another", file=sys.stderr)
+                say("camera: that of the scenario; --calibration gives another")
             camera = None if self.calibration is None else Camera.from_opencv_yaml(self.calibration)
             return recorded_film(self.recording, self.load(), pilot, vision, self.pitch_deg, camera)
         return recorded_flight(self.recording, self.pilot, self.vision, self.changes)

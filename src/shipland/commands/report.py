@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
 from shipland.commands.options import Paths
+from shipland.errors import ConfigError, DataError
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,6 @@ class Report:
 
     def run(self) -> int:
         """Write the page and say where."""
-        from shipland.errors import ConfigError
         from shipland.files import writing
 
         if not self.folders:
@@ -47,7 +48,6 @@ class Report:
         return 0
 
     def _page(self, beside: Path) -> str:
-        from shipland.errors import DataError
         from shipland.evaluation.campaign import read_about, read_cells
         from shipland.evaluation.leaderboard import oracle_rates_of
         from shipland.report.campaign_page import campaign_page
@@ -55,13 +55,10 @@ class Report:
         cells, first = read_cells(self.folders), self.folders[0]
         if not any(cell.landings for cell in cells):
             raise DataError(f"{first} holds no flights yet")
-        motions = self.oracle_motions
-        oracle_rates = oracle_rates_of(cells, motions, first / "oracle_rates.json") if motions else {}
+        oracle_rates = oracle_rates_of(cells, self.oracle_motions, first / "oracle_rates.json")
         return campaign_page(cells, read_about(first), oracle_rates, beside)
 
     def _leaderboard(self, beside: Path) -> str:
-        from contextlib import ExitStack
-
         from shipland.evaluation.bundle import opened
         from shipland.evaluation.leaderboard import oracle_rates_of
         from shipland.report.benchmark_page import benchmark_page, entries_of
@@ -69,5 +66,4 @@ class Report:
         with ExitStack() as stack:
             bundles = [stack.enter_context(opened(path)) for path in self.folders]
             cells = entries_of(bundles)
-            rates = oracle_rates_of(cells, self.oracle_motions) if self.oracle_motions else {}
-            return benchmark_page(bundles, cells, rates, beside)
+            return benchmark_page(bundles, cells, oracle_rates_of(cells, self.oracle_motions), beside)

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
-import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shipland.commands.options import check_between, refuse_written_over
-from shipland.commands.pictures import PictureOptions, Results
+from shipland.commands.options import check_between, refuse_written_over, say
+from shipland.commands.pictures import PictureOptions, look
+from shipland.errors import DataError
 
 if TYPE_CHECKING:
     from shipland.camera import Camera, CameraParameters
     from shipland.cue import Cue
     from shipland.record.reader import FlightLog
     from shipland.vision.attitude import AttitudeTrack
+    from shipland.vision.near.files import SeeResult
     from shipland.vision.pictures import Picture
 
 
@@ -58,7 +59,6 @@ class See(PictureOptions):
 
     def run(self) -> int:
         """Look at every picture and say what is in it."""
-        from shipland.errors import DataError
         from shipland.record.reader import read_log
         from shipland.report.drawings import draw_observation
         from shipland.scenario.scenario import load_scenario
@@ -66,31 +66,33 @@ class See(PictureOptions):
         from shipland.vision.pictures import is_film, is_log
 
         refuse_written_over([self.csv], [*self.paths, self.cue, self.config, self.calibration, self.attitude])
-        check_between("--attitude-start-s", self.attitude_start_s, -1e10, 1e10)
-        check_between("--attitude-std-deg", self.attitude_std_deg, 0.01, 10.0)
-        check_between("--mount-pitch-deg", self.mount_pitch_deg, -90.0, 90.0)
+        check_between(-1e10, 1e10, attitude_start_s=self.attitude_start_s)
+        check_between(0.01, 10.0, attitude_std_deg=self.attitude_std_deg)
+        check_between(-90.0, 90.0, mount_pitch_deg=self.mount_pitch_deg)
         scenario = load_scenario(self.config or {})
         logs = {path: read_log(path) for path in self.paths if is_log(path)}
         cue, (camera, whose) = self._cue(scenario.rig.cue, logs), self._camera(scenario.camera, logs)
         attitudes, known = self._attitudes(logs), dict[Path, list[bool]]()
-        with Results(self, COLUMNS, lambda it: draw_observation(it.picture.image, it.observation)) as results:
-            found = see_paths(self.paths, cue, camera, results.broken, scenario.vision, attitudes.get)
+
+        def seen(broken: Callable[[Path, DataError], None]) -> Iterator[SeeResult]:
+            found = see_paths(self.paths, cue, camera, broken, scenario.vision, attitudes.get)
             for number, result in enumerate(found):
                 if number == 0:
-                    print(f"camera: {_words(camera, result.picture.image)}, {whose}", file=sys.stderr)
-                    print(f"cue: {cue.size_words}", file=sys.stderr)
+                    say(f"camera: {_words(camera, result.picture.image)}, {whose}")
+                    say(f"cue: {cue.size_words}")
                 film = result.picture.source
                 if is_film(film):
                     if film not in known:
-                        print(f"attitude: {attitudes[film].words if film in attitudes else _NONE}", file=sys.stderr)
+                        say(f"attitude: {attitudes[film].words if film in attitudes else _NONE}")
                     known.setdefault(film, []).append(math.isfinite(result.observation.gimbal.pitch_rad))
-                results.add(result)
+                yield result
             for film, of_pictures in known.items():
                 if film in attitudes and not all(of_pictures):
                     without = f"{len(of_pictures) - sum(of_pictures)} of {len(of_pictures)} pictures lie outside of"
                     where = f"{attitudes[film].words} on the film's clock (--attitude-start-s)"
-                    results.broken(film, DataError(f"{film}: {without} {where}"))
-        return results.exit_code
+                    broken(film, DataError(f"{film}: {without} {where}"))
+
+        return look(self, COLUMNS, lambda it: draw_observation(it.picture.image, it.observation), seen)
 
     def _cue(self, configured: Cue, logs: Mapping[Path, FlightLog]) -> Cue:
         """The cue that is looked for."""
@@ -114,7 +116,6 @@ class See(PictureOptions):
 
     def _attitudes(self, logs: Mapping[Path, FlightLog]) -> dict[Path, AttitudeTrack]:
         """Of each film whose camera's attitude is known."""
-        from shipland.errors import DataError
         from shipland.record.reader import read_log
         from shipland.vision.attitude import placed, read_attitude
         from shipland.vision.pictures import is_film, is_log

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from shipland.commands.options import ScenarioOptions, check_ports
+from shipland.commands.options import ScenarioOptions, check_between, say
 
 if TYPE_CHECKING:
     from shipland.messages import TouchdownVerdict
@@ -51,7 +50,7 @@ class ServePhysics(ScenarioOptions):
         """Serve until the flight is over; Ctrl-C ends it before."""
         from shipland.api import checked_seed
 
-        check_ports(port=self.port, frames_port=self.frames_port)
+        check_between(0, 65535, port=self.port, frames_port=self.frames_port)
         scenario, seed = self.load(), checked_seed(self.seed)
         verdict = self._over_ros2(scenario, seed) if self.interface == "ros2" else self._over_link(scenario, seed)
         print("no touchdown" if verdict is None else verdict.reason)
@@ -72,15 +71,11 @@ class ServePhysics(ScenarioOptions):
 
             link = Px4Link(self.host, 4560 if self.port is None else self.port, seed)
         with link, FrameServer(scenario, seed, self.host, self.frames_port, self.pictures) as frames:
-            return ServedFlight(held, frames, _say).over(link)
+            return ServedFlight(held, frames, say).over(link)
 
     def _over_ros2(self, scenario: Scenario, seed: int) -> TouchdownVerdict | None:
         from shipland.sitl.frame_server import FrameServer
         from shipland.sitl.ros2_node import serve_ros2
 
         with FrameServer(scenario, seed, self.host, self.frames_port, pictures=False) as frames:
-            return serve_ros2(scenario, seed, self.namespace, self.pictures, frames, _say)
-
-
-def _say(line: str) -> None:
-    print(line, file=sys.stderr)
+            return serve_ros2(scenario, seed, self.namespace, self.pictures, frames, say)

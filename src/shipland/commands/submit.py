@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from shipland.commands.options import Folder
+from shipland.commands.options import PathArgument
 from shipland.learning.arguments import at_least
 
 
@@ -23,7 +23,7 @@ class Submit:
     Example: shipland submit out/mine --title "my pilot 1" --out mine.zip
     """
 
-    folder: Folder
+    folder: PathArgument
     """Folder of the campaign."""
     title: str
     """What the submission is called on the leaderboard."""

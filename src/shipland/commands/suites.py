@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from shipland.commands.options import SuiteName
+from shipland.commands.options import NameArgument
 
 
 @dataclass(frozen=True)
@@ -14,7 +14,7 @@ class Suites:
     Example: shipland suites near
     """
 
-    suite: SuiteName = ""
+    suite: NameArgument = ""
     """Name of a suite, or the path of its TOML file; none lists the packaged ones."""
 
     def run(self) -> int:

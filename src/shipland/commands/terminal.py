@@ -20,16 +20,16 @@ _DRAIN_S = 1.0
 _WIDTH = 120
 
 
-class Terminal:
+class Terminal(logging.Handler):
     """Writes to a file descriptor, standard error unless another is given; a context manager. Nothing here raises."""
 
     def __init__(self, descriptor: int = 2) -> None:
+        super().__init__(logging.WARNING)
         self._descriptor = descriptor
         self._status = ""
         self.is_live = os.isatty(descriptor)
         """Whether somebody looks at it, and the last line may be written over."""
         self._work: Aside[tuple[str, bool]] = Aside(self._write, _MOST, "terminal")
-        self._handler = _Shown(self)
 
     @property
     def lost(self) -> int:
@@ -46,13 +46,18 @@ class Terminal:
         if self.is_live and self._work.waiting == 0:
             self._work.give((_printable(line), True))
 
+    def emit(self, record: logging.LogRecord) -> None:
+        """Show a record, a traceback line by line."""
+        with suppress(Exception):  # whatever a foreign error's words do
+            self.say(*self.format(record).splitlines())
+
     def __enter__(self) -> Terminal:
         """Warnings and errors of the program are shown here too: logging writes where it is called."""
-        logging.getLogger("shipland").addHandler(self._handler)
+        logging.getLogger("shipland").addHandler(self)
         return self
 
     def __exit__(self, *_: object) -> None:
-        logging.getLogger("shipland").removeHandler(self._handler)
+        logging.getLogger("shipland").removeHandler(self)
         if self.is_live:
             self._work.give(("", True))
         self._work.close(_DRAIN_S)
@@ -75,19 +80,6 @@ class Terminal:
             return max(2, os.get_terminal_size(self._descriptor).columns)
         except OSError:
             return _WIDTH
-
-
-class _Shown(logging.Handler):
-    """Shows records, a traceback line by line."""
-
-    def __init__(self, terminal: Terminal) -> None:
-        super().__init__(logging.WARNING)
-        self._terminal = terminal
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Hand the record over."""
-        with suppress(Exception):  # whatever a foreign error's words do
-            self._terminal.say(*self.format(record).splitlines())
 
 
 def _printable(line: str) -> str:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-import tyro
-
+from shipland.commands.options import PathArgument, say
 from shipland.errors import ConfigError
 
 
@@ -30,7 +27,7 @@ class Verify:
     Example: shipland verify sealed.zip --salt salt.txt --sample 0 --workers 8
     """
 
-    bundle: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="BUNDLE", help_behavior_hint="")]
+    bundle: PathArgument
     """The zip that `shipland submit` wrote."""
     sample: int = 10
     """Flights to fly again, drawn from all; 0: every one."""
@@ -59,7 +56,7 @@ class Verify:
         with opened(self.bundle, self.salt) as bundle:
             foreign = sorted(set(bundle.about["own_code"].values()))
             for note in bundle.notes:
-                print(f"note: {note}", file=sys.stderr)
+                say(f"note: {note}")
             if self.no_flight:
                 print(f"{bundle.title}: {len(bundle.flights)} rows are consistent; none was flown again")
                 return 0
@@ -70,7 +67,7 @@ class Verify:
                     "then give --run-own-code"
                 )
             seed = secrets.randbits(48) if self.sample_seed is None else self.sample_seed
-            print(f"flying a sample again: --sample {self.sample} --sample-seed {seed}", file=sys.stderr)
+            say(f"flying a sample again: --sample {self.sample} --sample-seed {seed}")
             with own_code(bundle) if foreign else nullcontext():
                 found = fly_again(bundle, self.sample, np.random.default_rng(seed), self.workers)
         write_receipt(self.bundle, found)

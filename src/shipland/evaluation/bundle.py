@@ -99,10 +99,10 @@ def write_bundle(folder: Path, out: Path, title: str, logs: int, salt: Path | No
             raise DataError(f"{folder}: its cells were flown with different {word}; fly them with one installation")
     files = {"cells.json": (folder / "cells.json").read_bytes()}
     for cell in cells:
-        names = ["campaign.json", "landings.csv"]
-        kept = [it.seed for it in cell.landings if (folder / cell.name / "flights" / f"{it.seed}.mcap").exists()]
-        names += [f"flights/{seed}.mcap" for seed in kept[:logs]]
-        files |= {f"{cell.name}/{name}": (folder / cell.name / name).read_bytes() for name in names}
+        kept = [f"flights/{it.seed}.mcap" for it in cell.landings]
+        kept = [name for name in kept if (folder / cell.name / name).exists()]
+        for name in ("campaign.json", "landings.csv", *kept[:logs]):
+            files[f"{cell.name}/{name}"] = (folder / cell.name / name).read_bytes()
     own = {name: _code_file(name) for cell in cells for name in _own_names(cell.key)}
     files |= {f"code/{path.name}": path.read_bytes() for path in own.values()}
     about = {
@@ -242,11 +242,10 @@ def _check_rows(cell: CellResult, folder: Path) -> None:
     if table.fieldnames != COLUMNS:
         raise DataError(f"{cell.name}: the columns of its landings.csv are not this version's")
     rows = list(table)
-    counts = Counter(row["seed"] for row in rows)
-    for seed, count in counts.items():
+    for seed, count in Counter(row["seed"] for row in rows).items():
         if count > 1:
             raise DataError(f"{cell.name}: seed {seed} is in its rows {count} times")
-    by_seed = {it.seed: dict(zip(COLUMNS, texts_of(it), strict=True)) for it in cell.landings}
+    by_seed = {it.seed: texts_of(it) for it in cell.landings}
     for row in rows:
         seed = row["seed"]
         for name, found in row.items():
@@ -254,10 +253,9 @@ def _check_rows(cell: CellResult, folder: Path) -> None:
                 raise DataError(f"{cell.name}, seed {seed}: {name} is {found}, but its other columns make it {meant}")
 
 
-def texts_of(landing: Landing) -> list[str]:
-    """A landing as its row writes it, in the order of `COLUMNS`."""
-    row = as_text(row_of(landing))
-    return [str(row[name]) for name in COLUMNS]
+def texts_of(landing: Landing) -> dict[str, str]:
+    """A landing as its row writes it, by column."""
+    return {name: str(value) for name, value in as_text(row_of(landing)).items()}
 
 
 def _check_key(bundle: Bundle, cell: CellResult) -> None:
@@ -267,8 +265,7 @@ def _check_key(bundle: Bundle, cell: CellResult) -> None:
     for word in _BOUND:
         if key[word] != bundle.about[word]:
             raise DataError(f"{cell.name}: its {word} is {key[word]}, that of the bundle {bundle.about[word]}")
-    own = {name: bundle.folder / file for name, file in bundle.about["own_code"].items()}
-    held = {name: file_digest(own[name]) for name in _own_names(key)}
+    held = {name: file_digest(bundle.folder / bundle.about["own_code"][name]) for name in _own_names(key)}
     if key["own_code"] != held:
         raise DataError(f"{cell.name}: the code that flew is {key['own_code']} by its digest, in the bundle {held}")
     if (key["pilot"], key["vision"]) != (cell.pilot, cell.vision):

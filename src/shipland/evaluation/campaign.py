@@ -6,7 +6,7 @@ import os
 import platform
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from shipland.compiled import compiles_for_all
 from shipland.config import build
 from shipland.errors import DataError
-from shipland.evaluation.folder import CampaignFolder, campaign_key, claimed, folder_in, read_campaign, read_key
+from shipland.evaluation.folder import Rows, campaign_key, claimed, folder_in, read_campaign, read_key
 from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.evaluation.landing import COLUMNS, Landing, as_text, row_of
 from shipland.evaluation.suite import Cell
@@ -70,30 +70,17 @@ class CampaignPlan:
                     yield seed, cell
 
 
-class _Rows:
-    """Rows of a cell that no folder holds."""
-
-    def __init__(self) -> None:
-        self.done: dict[int, Landing] = {}
-        self.seeds = self.done.keys()
-
-    def append(self, landing: Landing) -> None:
-        self.done[landing.seed] = landing
-
-
 class OpenCampaign:
     """A plan's rows, opened by `open_campaign` for this process alone; flights that are `lost` are flown next time."""
 
     def __init__(self, plan: CampaignPlan) -> None:
         self.plan = plan
         self.lost: list[LostFlight] = []
-        self._rows: dict[str, CampaignFolder | _Rows] = {}
-        if plan.out is None:
-            self._rows = {cell.name: _Rows() for cell in plan.cells}
-            return
-        for cell in plan.cells:
-            key = campaign_key(cell.scenario, cell.pilot, cell.vision)
-            self._rows[cell.name] = folder_in(plan.out / cell.name, key)
+        self._rows = {cell.name: Rows() for cell in plan.cells}
+        if plan.out is not None:
+            for cell in plan.cells:
+                key = campaign_key(cell.scenario, cell.pilot, cell.vision)
+                self._rows[cell.name] = folder_in(plan.out / cell.name, key)
 
     def missing(self) -> Iterator[FlightJob]:
         """The flights that are missing, seed by seed over all cells."""
@@ -125,14 +112,7 @@ class OpenCampaign:
         found = {} if plan.out is None else {cell.name: cell for cell in read_cells([plan.out])}
         return [
             found.get(cell.name)
-            or CellResult(
-                **_facts(cell.name, _about(cell, plan.suite)),
-                rig=cell.scenario.rig,
-                ship=cell.scenario.ship,
-                airframe=cell.scenario.aircraft.airframe,
-                landings=_in_order(self._rows[cell.name].done),
-                logs=None,
-            )
+            or _result(cell.name, _about(cell, plan.suite), cell.scenario.table(), self._rows[cell.name].done)
             for cell in plan.cells
         ]
 
@@ -238,7 +218,7 @@ class CellResult:
     ship: ShipParameters
     airframe: AirframeParameters
     landings: tuple[Landing, ...]
-    logs: Path | None
+    logs: Path | None = None
     key: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -247,14 +227,19 @@ class CellResult:
         return str(self.key.get("version", ""))
 
 
-def _facts(name: str, about: Mapping[str, Any]) -> dict[str, Any]:
-    """Of what cells.json says of a cell, the attributes of `CellResult`."""
-    words = {word: about[word] for word in ("suite", "scenario", "group", "pilot", "vision")}
-    return {"name": name, "settings": tuple(about["settings"].items()), **words}
-
-
-def _in_order(done: Mapping[int, Landing]) -> tuple[Landing, ...]:
-    return tuple(done[seed] for seed in sorted(done))
+def _result(
+    name: str, about: Mapping[str, Any], flown: Mapping[str, Any], landings: Mapping[int, Landing]
+) -> CellResult:
+    """Of what cells.json says of a cell, the configuration that was flown, and the landings by seed."""
+    return CellResult(
+        name,
+        settings=tuple(about["settings"].items()),
+        **{word: about[word] for word in ("suite", "scenario", "group", "pilot", "vision")},
+        rig=build(Rig, flown["rig"], "rig"),
+        ship=build(ShipParameters, flown["ship"], "ship"),
+        airframe=build(AirframeParameters, flown["aircraft"]["airframe"], "aircraft.airframe"),
+        landings=tuple(landings[seed] for seed in sorted(landings)),
+    )
 
 
 def read_cells(folders: Sequence[Path]) -> list[CellResult]:
@@ -274,15 +259,7 @@ def read_cells(folders: Sequence[Path]) -> list[CellResult]:
             flown, landings = renamed(key["scenario"]), {it.seed: it for it in read_campaign(folder / name)}
             if name in found:
                 landings = {it.seed: it for it in found[name].landings} | landings
-            found[name] = CellResult(
-                **_facts(name, about),
-                rig=build(Rig, flown["rig"], "rig"),
-                ship=build(ShipParameters, flown["ship"], "ship"),
-                airframe=build(AirframeParameters, flown["aircraft"]["airframe"], "aircraft.airframe"),
-                landings=_in_order(landings),
-                logs=folder / name / "flights",
-                key=key,
-            )
+            found[name] = replace(_result(name, about, flown, landings), logs=folder / name / "flights", key=key)
     return list(found.values())
 
 

@@ -11,11 +11,12 @@ import os
 import platform
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import metadata, resources
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from shipland import factories
@@ -63,7 +64,7 @@ def campaign_key(scenario: Scenario, pilot: str | Factory, vision: str | Factory
     """
     table, aircraft = scenario.table(), scenario.aircraft
     flies = {"pilots": pilot, "visions": vision, "aircraft": aircraft.kind, "loops": aircraft.loop.kind}
-    names = {group: factories.name_of(each) for group, each in flies.items()}
+    names, program = {group: factories.name_of(each) for group, each in flies.items()}, Path(sys.argv[0]).name
     return {
         "version": code_version(),
         "source": source_digest(),
@@ -73,38 +74,30 @@ def campaign_key(scenario: Scenario, pilot: str | Factory, vision: str | Factory
         "own_code": {
             name: _own_code_digest(group, name) for group, name in names.items() if factories.is_own_code(name)
         },
-        "weights": {what: _digest_of(path) for what, path in _files_of(scenario, vision)},
+        "weights": _weights(scenario, vision),
         "python": platform.python_version(),
         "libraries": {name: _version_of(name) for name in _LIBRARIES},
-        "command": _command(),
+        "command": shlex.join(["shipland" if program == "__main__.py" else program, *sys.argv[1:]]),
         "scenario": table,
     }
 
 
-def _command() -> str:
-    program = Path(sys.argv[0]).name
-    return shlex.join(["shipland" if program == "__main__.py" else program, *sys.argv[1:]])
-
-
-def _files_of(scenario: Scenario, vision: str | Factory) -> Iterator[tuple[str, Path]]:
-    """What a flight may read beside code, by what it is: detectors, policies, a recorded motion."""
+def _weights(scenario: Scenario, vision: str | Factory) -> dict[str, str]:
+    """Digests of what a flight may read beside code, by what it is: detectors, policies, a recorded motion."""
+    files: dict[str, Path] = {}
     if needs_pictures(factories.resolve("visions", vision)):
         from shipland.vision.far.detector import weights_path
 
         detector = scenario.detector
         for kind, name in (("ship", detector.ship_weights), ("bar", detector.bar_weights)):
-            yield kind, weights_path(name, detector.precision)
-    for kind, name in vars(scenario.guidance.learned).items():
-        yield kind, policy_path(name)
+            files[kind] = weights_path(name, detector.precision)
+    files |= {kind: policy_path(name) for kind, name in vars(scenario.guidance.learned).items()}
     if scenario.ship.motion == "recorded":
-        yield "motion", Path(scenario.ship.recorded.path)
-
-
-def _digest_of(path: Path) -> str:
+        files["motion"] = Path(scenario.ship.recorded.path)
     try:
-        return file_digest(path)
+        return {what: file_digest(path) for what, path in files.items()}
     except OSError as error:
-        raise DataError(f"{path} cannot be read: {error.strerror}") from None
+        raise DataError(f"{error.filename} cannot be read: {error.strerror}") from None
 
 
 def _own_code_digest(group: str, name: str) -> str:
@@ -124,57 +117,66 @@ def _own_code_digest(group: str, name: str) -> str:
 
 
 def _version_of(name: str) -> str:
-    try:
+    with suppress(metadata.PackageNotFoundError):
         return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return ""
+    return ""
 
 
-class CampaignFolder:
-    """An open folder; made by `folder_in`.
+class Rows:
+    """Rows of a cell: in memory, or in a folder that `folder_in` opened.
 
     Attributes:
-        done: landings found in it, by seed.
-        seeds: of all that are in it now; their landings are on disk alone, so that memory does not grow with them.
+        done: landings by seed; of a folder those found in it, so that memory does not grow with those on disk.
+        seeds: of all rows.
     """
 
-    def __init__(self, out: Path, key: dict[str, Any]) -> None:
-        self._path, beside = out / "landings.csv", out / "campaign.json"
-        if self._path.exists() or beside.exists():
-            _check_key(beside, key)
-        else:
-            write_atomically(beside, json_bytes(key))
-        text = read_text(self._path) if self._path.exists() else ""
-        whole = _whole_rows(text) or ",".join(COLUMNS) + "\n"
-        self.done = _landings(self._path, whole)
-        self.seeds = set(self.done)
-        if whole != text:
-            write_atomically(self._path, whole.encode())
+    def __init__(self, path: Path | None = None, done: Mapping[int, Landing] = MappingProxyType({})) -> None:
+        self._path, self.done, self.seeds = path, dict(done), set(done)
 
     def append(self, landing: Landing) -> None:
-        """Write one more row, or nothing of it and DataError when it cannot be written."""
-        try:
-            size = self._path.stat().st_size
-            try:
-                with self._path.open("a", newline="", encoding="utf-8") as file:
-                    csv.DictWriter(file, COLUMNS, lineterminator="\n").writerow(as_text(row_of(landing)))
-            except OSError:
-                with suppress(OSError):
-                    os.truncate(self._path, size)
-                raise
-        except OSError as error:
-            raise DataError(f"{self._path} cannot be written: {error.strerror}") from None
+        """Take one more row; DataError, and nothing of it in the file, when it cannot be written."""
+        if self._path is None:
+            self.done[landing.seed] = landing
+        else:
+            _append(self._path, landing)
         self.seeds.add(landing.seed)
 
 
-def folder_in(out: Path, key: dict[str, Any]) -> CampaignFolder:
-    """A campaign's folder, made when missing, within one that is `claimed`.
+def _append(path: Path, landing: Landing) -> None:
+    try:
+        size = path.stat().st_size
+        try:
+            with path.open("a", newline="", encoding="utf-8") as file:
+                csv.DictWriter(file, COLUMNS, lineterminator="\n").writerow(as_text(row_of(landing)))
+        except OSError:
+            with suppress(OSError):
+                os.truncate(path, size)
+            raise
+    except OSError as error:
+        raise DataError(f"{path} cannot be written: {error.strerror}") from None
+
+
+def folder_in(out: Path, key: dict[str, Any]) -> Rows:
+    """The rows of a cell's folder, made when missing, within one that is `claimed`.
 
     DataError where it holds landings of another key or a broken table, or cannot be written.
     """
+    path, beside = out / "landings.csv", out / "campaign.json"
     try:
         out.mkdir(parents=True, exist_ok=True)
-        return CampaignFolder(out, key)
+        if not path.exists() and not beside.exists():
+            write_atomically(beside, json_bytes(key))
+        elif not beside.exists():
+            raise DataError(f"{out} holds landings without campaign.json; give another folder")
+        found = read_key(out)
+        if differ := [words for name, words in _BOUND.items() if found.get(name) != key[name]]:
+            raise DataError(f"{out} holds landings of another {', '.join(differ)}; give another folder")
+        text = read_text(path) if path.exists() else ""
+        whole = _whole_rows(text) or ",".join(COLUMNS) + "\n"
+        rows = Rows(path, _landings(path, whole))
+        if whole != text:
+            write_atomically(path, whole.encode())
+        return rows
     except OSError as error:
         raise DataError(f"{out} cannot be used: {error.strerror}") from None
 
@@ -199,15 +201,6 @@ def claimed(out: Path) -> Iterator[None]:
         yield
     finally:
         os.close(lock)
-
-
-def _check_key(beside: Path, key: dict[str, Any]) -> None:
-    if not beside.exists():
-        raise DataError(f"{beside.parent} holds landings without campaign.json; give another folder")
-    found = read_key(beside.parent)
-    differ = [words for name, words in _BOUND.items() if found.get(name) != key[name]]
-    if differ:
-        raise DataError(f"{beside.parent} holds landings of another {', '.join(differ)}; give another folder")
 
 
 def read_key(folder: Path) -> dict[str, Any]:

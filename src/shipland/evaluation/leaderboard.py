@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from shipland.errors import ConfigError, DataError
+from shipland.config import build
+from shipland.errors import ConfigError, ShiplandError
 from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.oracle import OracleRate, oracle_rate
@@ -20,7 +20,7 @@ from shipland.evaluation.tables import by_seed, causes_in_words, markdown, media
 from shipland.evaluation.tally import Tally
 from shipland.files import json_bytes, json_of, read_text, write_atomically
 from shipland.rig import Rig, area_of
-from shipland.statistics import Interval, Pairing, quantile_interval
+from shipland.statistics import Pairing, quantile_interval
 
 
 def rules(rig: Rig) -> dict[str, Callable[[Landing], bool]]:
@@ -183,10 +183,10 @@ def rivals(cells: Sequence[CellResult]) -> str:
 
 
 def oracle_rates_of(cells: Sequence[CellResult], motions: int, cache: Path | None = None) -> dict[str, OracleRate]:
-    """The oracle rate of each group over so many motions; drawn once, and kept in a JSON file where one is named."""
-    kept = {} if cache is None else _kept(cache)
+    """The oracle rate of each group over so many motions, of 0 none; kept in a JSON file where one is named."""
+    kept = _kept(cache) if motions and cache is not None else {}
     found: dict[str, OracleRate] = {}
-    for cell in cells:
+    for cell in cells if motions else ():
         ship, rig, airframe = cell.ship, cell.rig, cell.airframe
         key = hashlib.sha256(repr((ship, rig, airframe, motions)).encode()).hexdigest()[:16]
         if key not in kept:
@@ -199,12 +199,6 @@ def oracle_rates_of(cells: Sequence[CellResult], motions: int, cache: Path | Non
 
 def _kept(cache: Path) -> dict[str, OracleRate]:
     """Those of a cache; none of one that is missing or damaged."""
-    with suppress(DataError, ValueError, TypeError, AttributeError, KeyError):
-        return {key: _rate_of(row) for key, row in json_of(read_text(cache)).items()}
+    with suppress(ShiplandError, ValueError, AttributeError):
+        return {key: build(OracleRate, row, key) for key, row in json_of(read_text(cache)).items()}
     return {}
-
-
-def _rate_of(row: dict[str, Any]) -> OracleRate:
-    (low, high), (forward_m, starboard_m) = map(float, row["interval"]), map(float, row["deviation_m"])
-    interval, deviation_m = Interval(low, high), (forward_m, starboard_m)
-    return OracleRate(float(row["share"]), interval, deviation_m, float(row["sway_m"]), int(row["motions"]))

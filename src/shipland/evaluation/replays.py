@@ -53,30 +53,29 @@ class Pair:
 
 def differences(pairs: Sequence[Pair]) -> Iterator[str]:
     """What differs, a line each."""
-    n = len(pairs)
     seen = sum(pair.after.observation.bar_pose is not None for pair in pairs)
-    yield f"{n} cycles; the bar's pose found in {seen}"
-    if not n or pairs[0].before is None:
+    yield f"{len(pairs)} cycles; the bar's pose found in {seen}"
+    if not pairs or pairs[0].before is None:
         return
     recorded = sum(pair.before is not None and pair.before.observation.bar_pose is not None for pair in pairs)
-    both_m = [pair.pose_m for pair in pairs if math.isfinite(pair.pose_m)]
+    both = [pair for pair in pairs if math.isfinite(pair.pose_m)]
     yield f"recorded in {recorded}; in one of the two only: {sum(math.isinf(it.pose_m) for it in pairs)}"
-    if both_m:
-        far = [pair for pair in pairs if math.isfinite(pair.pose_m) and pair.pose_m > POSE_M]
-        middle = f"poses differ by {np.median(both_m):.4f} m in the median, {max(both_m):.4f} m at most"
-        yield f"{middle}; {_first(far, f'{POSE_M:g} m')}"
+    if both:
+        poses_m = [pair.pose_m for pair in both]
+        middle = f"poses differ by {np.median(poses_m):.4f} m in the median, {max(poses_m):.4f} m at most"
+        far = [pair for pair in both if pair.pose_m > POSE_M]
+        yield f"{middle}; more than {POSE_M:g} m in {_counted(far)}"
     sticks = [pair.stick_percent for pair in pairs if math.isfinite(pair.stick_percent)]
-    far = [pair for pair in pairs if pair.stick_percent > STICK_PERCENT]
     middle = f"sticks differ by {np.median(sticks):.2f} % in the median, {max(sticks):.2f} % at most"
-    yield f"{middle}; {_first(far, f'{STICK_PERCENT:g} %')}"
+    far = [pair for pair in pairs if pair.stick_percent > STICK_PERCENT]
+    yield f"{middle}; more than {STICK_PERCENT:g} % in {_counted(far)}"
     modes = [it for it in pairs if it.before and it.before.decision.mode is not it.after.decision.mode]
-    first = f", first at {modes[0].after.telemetry.t_s:.2f} s" if modes else ""
-    yield f"modes differ in {len(modes)} cycles{first}"
+    yield f"modes differ in {_counted(modes)}"
 
 
-def _first(far: Sequence[Pair], limit: str) -> str:
-    first = f", first at {far[0].after.telemetry.t_s:.2f} s" if far else ""
-    return f"more than {limit} in {len(far)} cycles{first}"
+def _counted(pairs: Sequence[Pair]) -> str:
+    first = f", first at {pairs[0].after.telemetry.t_s:.2f} s" if pairs else ""
+    return f"{len(pairs)} cycles{first}"
 
 
 @dataclass(frozen=True)
@@ -105,9 +104,8 @@ def recorded_flight(path: Path, pilot: str = "", vision: str = "", changes: Sequ
     names a module of the user's, which a log does not get to run.
     """
     log = read_log(path)
-    scenario, pilot, vision = flown_setup(log, path, pilot, vision, changes)
-    vehicle = replayed_log(path)
-    return Recording(vehicle, scenario, pilot, vision, log.header.info.seed or 0, log.records, log.complete)
+    setup = flown_setup(log, path, pilot, vision, changes)
+    return Recording(replayed_log(path), *setup, log.header.info.seed or 0, log.records, log.complete)
 
 
 def flown_setup(

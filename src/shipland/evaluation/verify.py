@@ -16,7 +16,6 @@ from shipland.evaluation.bundle import Bundle, cell_of, texts_of
 from shipland.evaluation.campaign import processes
 from shipland.evaluation.folder import campaign_key, source_digest
 from shipland.evaluation.job import FlightJob
-from shipland.evaluation.landing import COLUMNS
 from shipland.files import json_bytes, json_of, read_text, write_atomically
 from shipland.progress import followed
 from shipland.stopping import stop_requests
@@ -92,11 +91,12 @@ def fly_again(bundle: Bundle, sample: int, rng: np.random.Generator, workers: in
     with stop_requests():
         flown = processes(min(workers, len(jobs)))(jobs, lambda *_: None, lose)
         for flight, landing in followed(flown, "flown again, all equal so far", len(jobs)):
-            for name, stored, again in zip(COLUMNS, rows[flight.cell, flight.seed], texts_of(landing), strict=True):
-                if stored != again:
+            stored = rows[flight.cell, flight.seed]
+            for name, again in texts_of(landing).items():
+                if stored[name] != again:
                     raise DataError(
-                        f"{flight.cell}, seed {flight.seed}: {name} is {stored} in the bundle, {again} flown again"
-                        + _other_libraries(bundle)
+                        f"{flight.cell}, seed {flight.seed}: {name} is {stored[name]} in the bundle, {again} flown "
+                        f"again{_other_libraries(bundle)}"
                     )
     if lost:
         raise DataError(lost[0])

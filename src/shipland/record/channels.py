@@ -78,8 +78,7 @@ class FlightChannels:
         decision, pose = record.decision, record.observation.bar_pose
         estimate = decision.estimate
         if estimate is not None:
-            valid_at = scene.nanoseconds(estimate.t_s)
-            place = scene.pose_in_bar(estimate.aircraft_in_bar_m, estimate.yaw_rad, valid_at)
+            place = scene.pose_in_bar(estimate.aircraft_in_bar_m, estimate.yaw_rad, scene.nanoseconds(estimate.t_s))
             self._aircraft.log(place, log_time=time_ns)
         if pose is not None:
             place = scene.pose_in_bar(pose.position_in_bar_m, pose.yaw_rad, time_ns)
@@ -97,8 +96,7 @@ class FlightChannels:
             self._say(end, "flight", LogLevel.Info)
         if verdict is not None:
             self._verdict.log(to_row(verdict), log_time=self._time_ns)
-            good = verdict.success
-            self._say(verdict.reason, "verdict", LogLevel.Info if good else LogLevel.Warning)
+            self._say(verdict.reason, "verdict", LogLevel.Info if verdict.success else LogLevel.Warning)
 
     def begin(self) -> None:
         """Header and solids, at the newest time; again for a viewer that comes later."""

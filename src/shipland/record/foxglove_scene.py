@@ -71,11 +71,7 @@ def _true(truth: GroundTruth) -> list[tuple[str, str, Pose]]:
 
 def _estimated(record: FlightRecord, rig: Rig) -> list[tuple[str, str, Pose]]:
     ned_from_ship = Pose(np.eye(3), np.array([0.0, 0.0, -rig.deck_height_m]))
-    edges = [
-        ("ned", "ship", ned_from_ship),
-        ("ship", "deck", Pose.identity()),
-        ("ship", "bar", rig.ship_from_bar),
-    ]
+    edges = [("ned", "ship", ned_from_ship), ("ship", "deck", Pose.identity()), ("ship", "bar", rig.ship_from_bar)]
     estimate = record.decision.estimate
     if estimate is not None:
         telemetry = record.telemetry

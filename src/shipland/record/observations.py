@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from shipland.camera import Camera
 from shipland.frames import wrap_angle
-from shipland.messages import Box, Observation, PilotCommand, Telemetry
+from shipland.messages import Observation, PilotCommand, Telemetry
 
 Arrays = dict[str, npt.NDArray[np.float32]]
 
@@ -72,10 +72,11 @@ class Observer:
             position_m = pose.position_in_bar_m.tolist()
             newest["pose"] = observation.t_s, [*position_m, wrap_angle(pose.yaw_rad)]
             newest["pose_covariance"] = observation.t_s, pose.covariance[_UPPER].tolist()
-        if observation.bar_box is not None:
-            newest["bar_box"] = observation.t_s, self._box(observation.bar_box)
-        if observation.ship_box is not None:
-            newest["ship_box"] = observation.t_s, self._box(observation.ship_box)
+        for name, box in (("bar_box", observation.bar_box), ("ship_box", observation.ship_box)):
+            if box is not None:
+                centre = np.array(box.centre_px) / self._half_px - 1.0
+                size = np.array(box.size_px) / (2.0 * self._half_px)
+                newest[name] = observation.t_s, [*centre.tolist(), *size.tolist(), box.confidence]
         newest["picture"] = observation.t_s, []
         gimbal = observation.gimbal
         newest["gimbal"] = observation.t_s, list(map(wrap_angle, (gimbal.roll_rad, gimbal.pitch_rad, gimbal.yaw_rad)))
@@ -107,8 +108,3 @@ class Observer:
             values = [now_s - t_s]
         clipped: npt.NDArray[np.float32] = np.clip(np.array(values, np.float32), low, high)
         return clipped
-
-    def _box(self, box: Box) -> list[float]:
-        centre = np.array(box.centre_px) / self._half_px - 1.0
-        size = np.array(box.size_px) / (2.0 * self._half_px)
-        return [*centre.tolist(), *size.tolist(), box.confidence]

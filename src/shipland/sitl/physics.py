@@ -65,8 +65,8 @@ class LaunchHold:
 
     def __init__(self, scenario: Scenario, seed: int, climb_m: float) -> None:
         start = scenario.start
-        if climb_m < 0.0 or start.height_m - start.height_half_range_m - climb_m <= 0.0:
-            low_m = start.height_m - start.height_half_range_m
+        low_m = start.height_m - start.height_half_range_m
+        if not 0.0 <= climb_m < low_m:
             raise ConfigError(f"flights start {low_m:g} m over the deck: there is no room to climb {climb_m:g} m")
         servo = replace(scenario.aircraft, kind="servo_quadrotor")
         lower = replace(start, height_m=start.height_m - climb_m)
@@ -153,14 +153,9 @@ class ServedFlight:
     """One flight of a held world, its camera and its messages to the terminal, stepped by an interface."""
 
     def __init__(self, held: LaunchHold, frames: FrameServer, say: Callable[[str], None]) -> None:
-        self._held, self._frames, self._frame_s, self.say = held, frames, 1.0 / held.world.frame_rate_hz, say
+        self.held, self._frames, self._frame_s, self.say = held, frames, 1.0 / held.world.frame_rate_hz, say
         self._due_s, self._linger_s, self._steps = 0.0, _LINGER_S, 0
         self._begun_s, self._tempo = math.nan, RealTimeFactor()
-
-    @property
-    def released(self) -> bool:
-        """Whether it flies."""
-        return self._held.released
 
     @property
     def done(self) -> bool:
@@ -172,14 +167,14 @@ class ServedFlight:
         self.say(f"waiting for a flight controller on {link.address}")
         link.fly(self)
         self.say(self._tempo.words())
-        verdict, rest_s = self._held.world.verdict(), self._held.motors_rest_s
+        verdict, rest_s = self.held.world.verdict(), self.held.motors_rest_s
         if verdict is not None and verdict.touched and math.isfinite(rest_s):
             self.say(f"motors at rest {rest_s - verdict.t_s:.2f} s after the touch")
         return verdict
 
     def step(self, motors_us: Sequence[float], gimbal_pitch_rad: float | None) -> FlightStep:
         """See `LaunchHold.step`; the camera sees it."""
-        held, now_s = self._held, time.monotonic()
+        held, now_s = self.held, time.monotonic()
         if self._steps == 0:
             self._begun_s = now_s
         step = held.step(motors_us, gimbal_pitch_rad)

@@ -31,7 +31,7 @@ EARTH_RADIUS_M = 6371000.0
 
 # noise, all chosen: small MEMS sensors, and a GPS with a clear sky
 _ACCELEROMETER_MPS2, _GYROSCOPE_RAD_S, _MAGNETOMETER_GAUSS, _BAROMETER_HPA = 0.05, 0.002, 0.003, 0.02
-_GPS_LEVEL_M, _GPS_HEIGHT_M, _GPS_WANDER_S, _GPS_VELOCITY_MPS = 0.3, 0.5, 30.0, 0.03
+_GPS_PLACE_M, _GPS_WANDER_S, _GPS_VELOCITY_MPS = (0.3, 0.3, 0.5), 30.0, 0.03
 _ALL_SENSORS = 0x1BFF
 """HIL_SENSOR's `fields_updated` without differential pressure: three axes three times, pressure, height, degrees."""
 _TEMPERATURE_C = 15.0
@@ -45,15 +45,9 @@ class SimulatedSensors:
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
-        level = _FIELD_GAUSS * math.cos(_INCLINATION_RAD)
-        self._field_in_ned = np.array(
-            [
-                level * math.cos(_DECLINATION_RAD),
-                level * math.sin(_DECLINATION_RAD),
-                _FIELD_GAUSS * math.sin(_INCLINATION_RAD),
-            ]
-        )
-        self._wander_m = self._rng.normal(0.0, (_GPS_LEVEL_M, _GPS_LEVEL_M, _GPS_HEIGHT_M))
+        level, down = _FIELD_GAUSS * math.cos(_INCLINATION_RAD), _FIELD_GAUSS * math.sin(_INCLINATION_RAD)
+        self._field_in_ned = np.array([level * math.cos(_DECLINATION_RAD), level * math.sin(_DECLINATION_RAD), down])
+        self._wander_m = self._rng.normal(0.0, _GPS_PLACE_M)
         self._fix_t_s = math.nan
 
     def inertial(self, t_us: int, motion: RigidBodyState, force_in_body_mps2: Vector) -> Message:
@@ -78,8 +72,8 @@ class SimulatedSensors:
     def fix(self, t_s: float, motion: RigidBodyState) -> Message:
         """HIL_GPS: a fix at `t_s`, later than the last."""
         step_s = t_s - self._fix_t_s if math.isfinite(self._fix_t_s) else 0.0
-        keep, std_m = math.exp(-step_s / _GPS_WANDER_S), (_GPS_LEVEL_M, _GPS_LEVEL_M, _GPS_HEIGHT_M)
-        self._wander_m = keep * self._wander_m + math.sqrt(1.0 - keep * keep) * self._rng.normal(0.0, std_m)
+        keep = math.exp(-step_s / _GPS_WANDER_S)
+        self._wander_m = keep * self._wander_m + math.sqrt(1.0 - keep * keep) * self._rng.normal(0.0, _GPS_PLACE_M)
         self._fix_t_s = t_s
         north_m, east_m, down_m = (np.array(motion.position_m) + self._wander_m).tolist()
         latitude_deg = HOME_LATITUDE_DEG + math.degrees(north_m / EARTH_RADIUS_M)
@@ -121,29 +115,6 @@ _IDLE_US = 1050.0
 """Least pulse of armed rotors: they turn."""
 
 
-class Outputs:
-    """What the flight controller asks for, from its newest HIL_ACTUATOR_CONTROLS."""
-
-    def __init__(self) -> None:
-        self.motors_us: Sequence[float] = (1000.0,) * 4
-        """Front right, rear left, front left, rear right, as PX4 numbers a quadrotor in X."""
-        self.gimbal_pitch_rad: float | None = None
-        """Against the horizon."""
-
-    def take(self, message: Message) -> None:
-        """The newest message; one with a value that is not finite changes nothing."""
-        controls = message.controls
-        if not all(map(math.isfinite, controls[:4])):
-            return
-        armed = bool(message.mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
-        self.motors_us = tuple(
-            max(_IDLE_US, 1000.0 + 1000.0 * min(max(value, 0.0), 1.0)) if armed else 1000.0 for value in controls[:4]
-        )
-        pitch = controls[_GIMBAL_CHANNEL]
-        if armed and math.isfinite(pitch):
-            self.gimbal_pitch_rad = 0.5 * math.pi * min(max(pitch, -1.0), 1.0)
-
-
 class Px4Link(AbstractContextManager["Px4Link"]):
     """The TCP port to which a PX4's simulator module connects.
 
@@ -162,7 +133,10 @@ class Px4Link(AbstractContextManager["Px4Link"]):
         self._client: socket.socket | None = None
         self._sensors = SimulatedSensors(np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(4560,))))
         self._codec = Codec(1, 1)
-        self._outputs = Outputs()
+        self.motors_us: Sequence[float] = (1000.0,) * 4
+        """Asked of the motors: front right, rear left, front left, rear right, as PX4 numbers a quadrotor in X."""
+        self.gimbal_pitch_rad: float | None = None
+        """Asked of the gimbal, against the horizon."""
 
     def __exit__(self, *_: object) -> None:
         if self._client is not None:
@@ -174,11 +148,10 @@ class Px4Link(AbstractContextManager["Px4Link"]):
         client = self._accept(flight)
         due_s, count = time.monotonic(), 0
         while not flight.done:
-            outputs = self._outputs
-            steps = [flight.step(outputs.motors_us, outputs.gimbal_pitch_rad) for _ in range(_STEPS)]
+            steps = [flight.step(self.motors_us, self.gimbal_pitch_rad) for _ in range(_STEPS)]
             try:
                 self._tell(client, steps, count % _FIX_EVERY == 0)
-                self._hear(client, _ANSWER_S if flight.released else _BOOT_ANSWER_S)
+                self._hear(client, _ANSWER_S if flight.held.released else _BOOT_ANSWER_S)
             except OSError:
                 flight.say("the flight controller has gone")
                 return
@@ -218,5 +191,18 @@ class Px4Link(AbstractContextManager["Px4Link"]):
                 raise ConnectionResetError
             for message in self._codec.decode_some(data, stream=True)[0]:
                 if message.get_type() == "HIL_ACTUATOR_CONTROLS":
-                    self._outputs.take(message)
+                    self._take(message)
                     answered = True
+
+    def _take(self, message: Message) -> None:
+        """The newest HIL_ACTUATOR_CONTROLS; one with a value that is not finite changes nothing."""
+        controls = message.controls
+        if not all(map(math.isfinite, controls[:4])):
+            return
+        armed = bool(message.mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
+        self.motors_us = tuple(
+            max(_IDLE_US, 1000.0 + 1000.0 * min(max(value, 0.0), 1.0)) if armed else 1000.0 for value in controls[:4]
+        )
+        pitch = controls[_GIMBAL_CHANNEL]
+        if armed and math.isfinite(pitch):
+            self.gimbal_pitch_rad = 0.5 * math.pi * min(max(pitch, -1.0), 1.0)

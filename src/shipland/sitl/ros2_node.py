@@ -60,19 +60,13 @@ class SetPoints:
 
     def take_velocity(self, command: Message) -> None:
         """geometry_msgs/TwistStamped; only a hold is flown by an aircraft that flies tilts."""
-        wanted = wanted_velocity(command)
-        if wanted is not None and self._response.kind == "attitude" and not wanted.hold:
-            self.refused = "velocities come, and this aircraft flies tilts: --set aircraft.loop.kind=velocity"
-            wanted = HOLD
-        self._take(wanted)
+        refusal = "velocities come, and this aircraft flies tilts: --set aircraft.loop.kind=velocity"
+        self._take(wanted_velocity(command), "velocity", refusal)
 
     def take_attitude(self, command: Message) -> None:
         """mavros_msgs/AttitudeTarget."""
-        wanted = wanted_attitude(command, self._response.max_climb_mps)
-        if wanted is not None and self._response.kind == "velocity":
-            self.refused = "attitudes come, and this aircraft flies velocities: ros2://…?kind=velocity"
-            wanted = HOLD
-        self._take(wanted)
+        refusal = "attitudes come, and this aircraft flies velocities: ros2://…?kind=velocity"
+        self._take(wanted_attitude(command, self._response.max_climb_mps), "attitude", refusal)
 
     def take_gimbal(self, command: Message) -> None:
         """geometry_msgs/QuaternionStamped."""
@@ -99,9 +93,11 @@ class SetPoints:
         intent = Intent.LAND if self._landing else Intent.FLY
         return PilotCommand(t_s, *percents_of(wanted, self._response), self._gimbal_rad, intent)
 
-    def _take(self, wanted: Wanted | None) -> None:
+    def _take(self, wanted: Wanted | None, kind: str, refusal: str) -> None:
         if wanted is None:
             return
+        if kind != self._response.kind and not wanted.hold:
+            self.refused, wanted = refusal, HOLD
         now_s = time.monotonic()
         self.heard_s.append(now_s)
         self._newest = wanted, now_s
@@ -199,11 +195,7 @@ def serve_ros2(
 
 
 def _fly(
-    vehicle: SimulatedVehicle,
-    orders: SetPoints,
-    told: VehicleTopics,
-    frames: FrameServer,
-    say: Callable[[str], None],
+    vehicle: SimulatedVehicle, orders: SetPoints, told: VehicleTopics, frames: FrameServer, say: Callable[[str], None]
 ) -> None:
     vehicle.open()
     pair = vehicle.read()
