@@ -22,7 +22,7 @@ WINDS_KN: dict[str, tuple[float, ...]] = {
     "frigate-sea5": (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0),
 }
 DIRECTIONS_DEG = tuple(range(0, 360, 30))
-RATE, MOST, FINEST_KN = 0.9, 4, 2.5
+RATE, MOST, FINEST_KN = 0.9, 3, 2.5
 """Wanted share; of a cell on the border so many times the flights of the others; finest step of speed."""
 
 
@@ -79,7 +79,7 @@ STUDY = Study(
     },
     cases=cases,
     measure=measure,
-    runs=10,
-    minutes=220,
+    runs=6,
+    minutes=60,
     picture=picture,
 )

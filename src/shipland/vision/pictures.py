@@ -30,7 +30,9 @@ LOG_SUFFIX = ".mcap"
 LARGEST_PX = 50_000_000
 """A larger picture is refused: looking at it takes the near vision more than ten seconds."""
 
-VIDEO_SUFFIXES = frozenset(f".{kind}" for kind in "3gp avi flv m2ts m4v mkv mov mp4 mpeg mpg mts ts webm wmv".split())
+VIDEO_SUFFIXES = frozenset(
+    {".3gp", ".avi", ".flv", ".m2ts", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".mts", ".ts", ".webm", ".wmv"}
+)
 """What is read as a video; every other file is read as a picture."""
 
 

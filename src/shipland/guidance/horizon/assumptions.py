@@ -15,10 +15,9 @@ from shipland.guidance.response import Response
 
 _AXIS_STEP_RAD = 0.2
 """Step of the ship's axis from model to model."""
-_VIEW_STEP = 0.25
-"""Step of the share of ship in view from model to model."""
-_MOST_IN_VIEW = 0.8
-"""A view of nothing but ship counts as this, 0.75 in steps: no last digit decides about 1."""
+_VIEW_STEP, _VIEW_OFF = 0.125, 0.0875
+"""Step of the share of ship in view from model to model, and how far it may be off, which counts by the ship's speed:
+less than a step, so that no last digit decides about 1."""
 _GUST_STEPS, _LULL_STEPS = 0.6, 2.5
 """Levels by which the wind must exceed, or fall short of, that in use: a lull is no calm."""
 _SLOWEST_SHIP_MPS = 0.75
@@ -116,8 +115,7 @@ class Assumptions:
 
     def with_view(self, over_ship: float, settle_s: float) -> Assumptions:
         """With the share of ship in view: a servo on optical flow follows the motion of the ship below it."""
-        over_ship = min(over_ship, _MOST_IN_VIEW)
-        if abs(over_ship - self.motion.over_ship) <= _VIEW_STEP:
+        if abs(over_ship - self.motion.over_ship) <= _VIEW_OFF:
             return self
         over_ship = _VIEW_STEP * round(over_ship / _VIEW_STEP)
         return replace(self, motion=replace(self.motion, over_ship=over_ship, settle_s=settle_s))
