@@ -85,7 +85,7 @@ def test_a_ship_below_moves_a_velocity_from_optical_flow_and_none_from_gps():
 def test_a_view_of_nothing_but_ship_is_one_thing_whatever_it_was_and_to_any_last_digit(before, last_digit):
     """Else a last digit, and with it the processor, would decide the flight."""
     assumed = _estimator()._assumed.with_view(before, 0.3)
-    assert assumed.with_view(1.0 + last_digit, 0.3).motion.over_ship == 0.75
+    assert assumed.with_view(1.0 + last_digit, 0.3).motion.over_ship == 1.0
 
 
 def test_a_bar_swings_until_it_is_seen_to_stand_still():
