@@ -1,4 +1,4 @@
-"""A vehicle that holds its speed by optical flow over a ship under way: below it is nothing but ship, and that moves."""
+"""A vehicle that holds its speed by optical flow: low over a ship under way it sees nothing but a ship that moves."""
 
 import pytest
 
