@@ -176,7 +176,7 @@ FORGERIES = {
     "a way out": (lambda files: files.update({"../more": b""}), True, "leads out of the bundle"),
     "code that is not in it": (key(pilot="antigravity:fly"), True, "names code that the bundle does not hold: antig"),
     "a cell without its pilot": (
-        lambda files: files.update({"cells.json": b'{"cells": {"rig-natops_paper": {}}}'}), True, "is no bundle of",
+        lambda files: files.update({"cells.json": b'{"cells": {"rig-natops_paper": {}}}'}), True, "not what a campaign",
     ),
     "a file of no cell": (lambda files: files.update({"code/numpy.py": b""}), True, "numpy.py is neither a file of"),
     "a seed written otherwise": (with_row(3, seed="03"), True, "seed 03: seed is 03, but its other columns make it 3"),

@@ -119,6 +119,10 @@ def test_a_broken_campaign_json_is_one_line_and_former_keys_in_it_are_read(plan)
         path.write_text(damage)
         with pytest.raises(DataError, match=r"campaign\.json is not readable"):
             read_cells([plan.out])
+    for damage in ({}, {"scenario": {}}, {"scenario": 3}):
+        path.write_text(json.dumps(damage and key | damage))
+        with pytest.raises(DataError, match="not what a campaign leaves"):
+            read_cells([plan.out])
 
 
 def test_a_result_that_comes_twice_counts_once(plan):

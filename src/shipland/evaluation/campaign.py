@@ -252,14 +252,18 @@ def read_cells(folders: Sequence[Path]) -> list[CellResult]:
     keys: dict[str, dict[str, Any]] = {}
     for folder in folders:
         for name, about in read_about(folder)["cells"].items():
-            key = read_key(folder / name)
-            bound = {word: key[word] for word in ("source", "configuration", "weights", "own_code")}
-            if keys.setdefault(name, bound) != bound:
-                raise DataError(f"{name}: flown with other code, configuration or weights in {folder} than before")
-            flown, landings = renamed(key["scenario"]), {it.seed: it for it in read_campaign(folder / name)}
-            if name in found:
-                landings = {it.seed: it for it in found[name].landings} | landings
-            found[name] = replace(_result(name, about, flown, landings), logs=folder / name / "flights", key=key)
+            try:
+                key = read_key(folder / name)
+                bound = {word: key[word] for word in ("source", "configuration", "weights", "own_code")}
+                if keys.setdefault(name, bound) != bound:
+                    raise DataError(f"{name}: flown with other code, configuration or weights in {folder} than before")
+                landings = {it.seed: it for it in read_campaign(folder / name)}
+                if name in found:
+                    landings = {it.seed: it for it in found[name].landings} | landings
+                made = _result(name, about, renamed(key["scenario"]), landings)
+                found[name] = replace(made, logs=folder / name / "flights", key=key)
+            except (KeyError, TypeError) as error:
+                raise DataError(f"{name}: not what a campaign leaves: {error!r}") from None
     return list(found.values())
 
 
