@@ -288,6 +288,19 @@ def test_a_hover_that_follows_the_waves_tells_no_scale():
         assert off < MonitorParameters().scale_off or math.isinf(fit.sigma)
 
 
+@pytest.mark.parametrize("ship_mps", [0.5, 0.75])
+def test_a_slow_ship_whose_deck_carries_the_flow_along_is_no_cue_of_another_size(ship_mps):
+    fit, rng, own_m, distance_m = WayScale(RIG.deck_size_m), np.random.default_rng(3), 0.0, 22.0
+    for t_s in np.arange(0.0, 40.0, 0.1):
+        over_deck = distance_m < 2.2
+        closing_mps = 0.0 if over_deck else 1.2 + 0.6 * math.sin(0.7 * t_s)
+        own_m += 0.1 * (closing_mps + (0.0 if over_deck else ship_mps))
+        distance_m -= 0.1 * closing_mps
+        told_m = distance_m + 0.1 * math.sin(t_s) + rng.normal(0.0, 0.02)
+        fit.take(t_s, told_m, 0.5, (own_m * math.cos(0.5), own_m * math.sin(0.5)), 4e-4)
+        assert abs(math.log(fit.scale)) - fit.sigma < MonitorParameters().scale_off
+
+
 @pytest.mark.parametrize("told", [math.nan, math.inf, 1e200])
 def test_what_is_no_way_tells_no_scale(told):
     fit = way(1.0)

@@ -115,6 +115,9 @@ def test_after_the_last_try_the_climb_out_stays():
     tired = ModeMemory(mode=Mode.GO_AROUND, since_s=-10.0, tries=PARAMETERS.max_tries + 1)
     tired, _ = run(tired, 0.0, 3.0, pose=True, clear=True)
     assert tired.mode is Mode.GO_AROUND
+    landing = ModeMemory(mode=Mode.LAND, since_s=0.0, tries=PARAMETERS.max_tries)
+    off = next_mode(situation(0.1, pose=True, abort_reason="0.5 m off"), landing, PARAMETERS)
+    assert off.reason == "0.5 m off; 4 landings broken off: holds clear of the ship"
 
 
 def test_by_the_published_rule_a_landing_begins_at_once_and_goes_on():

@@ -98,6 +98,8 @@ def next_mode(situation: Situation, memory: ModeMemory, parameters: ModeParamete
     if wanted is memory.mode or (now_s - memory.since_s < parameters.dwell_s and not urgent):
         return memory
     tries = memory.tries + (wanted is Mode.GO_AROUND)
+    if wanted is Mode.GO_AROUND and tries > parameters.max_tries:
+        reason += f"; {tries} landings broken off: holds clear of the ship"
     return memory._replace(mode=wanted, since_s=now_s, reason=reason, tries=tries, condition_since_s=None)
 
 

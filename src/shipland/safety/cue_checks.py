@@ -10,8 +10,9 @@ farther by a share, which no picture shows. Own way and poses together do: of a 
 bar's plane changes by what the vehicle travels. Least squares of d = a + c·t − s·w: the distance d, the own way w
 towards the bar, and c for the ship's drift and the velocity's error; s is wanted. What is old is forgotten. A way
 that varies by less than waves move the bar is not judged: a hover follows the bar, its distance stays, and s would
-come out too small. A ship with way on is not judged: optical flow tells the velocity against the water astern of the
-deck, and against the deck above it.
+come out too small. A ship with way on is not judged, from the moment that the drift is known: optical flow tells the
+velocity against the water astern of the deck, and against the deck above it, so that a drift which was 0.5 m/s ends
+there and a scale of 0.8 would explain it.
 """
 
 from __future__ import annotations
@@ -148,6 +149,8 @@ _DRIFT_S = 5.0
 """Of poses without an interruption, before the drift is known."""
 _UNDER_WAY_MPS, _SURE = 1.0, 0.12
 """One that drifts faster than this, by a fit that knows the scale so well, is not judged any more."""
+_RIGHT = 0.19
+"""Logarithm of the scale; where it is nearer to one for sure, a ship that is not still is known to be under way."""
 
 
 class WayScale:
@@ -212,7 +215,8 @@ class WayScale:
         kept = math.exp(-step_s / _MEMORY_S)
         scale, sigma, drift_mps, way_m2 = _fitted(self._sums, self._before, kept, weight, lasted_s, distance_m, way)
         known = lasted_s >= _DRIFT_S
-        self._under_way |= known and drift_mps > _UNDER_WAY_MPS and sigma < _SURE
+        right = abs(math.log(max(scale, _LEAST_SCALE))) + sigma < _RIGHT
+        self._under_way |= known and drift_mps > (_STILL_MPS if right else _UNDER_WAY_MPS) and sigma < _SURE
         told = self._seen_s >= _LEAST_S and way_m2 > self._waves_m2
         judged = known and told and drift_mps < _STILL_MPS and not self._under_way
         self.scale, self.sigma = (scale, sigma) if judged else (1.0, math.inf)
