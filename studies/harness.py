@@ -259,6 +259,7 @@ def run(
     missing = [case for case in cases if not rows_of(rows, case)]
     whole = RESULTS / f"{name}.json" if count == study.runs else part
     if not missing and (where or len(_kept(whole, name, study, count)[0]) == len(rows)):
+        print(f"{name}: measured with this code already")
         return True
     spent_min = float((read(part) or {}).get("minutes", 0.0)) if rows else 0.0
     stopped, at_start, begun_s = False, _digests(study), time.monotonic()
