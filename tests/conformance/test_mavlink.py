@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from shipland.messages import BarPose, Decision, FlightRecord, Intent, Observati
 from shipland.rig import Rig
 from shipland.stopping import stop_requests
 from shipland.vehicles import link_vehicle, pace
+from shipland.vehicles.checks import Check
 from shipland.vehicles.mavlink import taking
 from shipland.vehicles.mavlink.checks import gimbal_check
 from shipland.vehicles.mavlink.dialect import Codec, dialect
@@ -48,6 +50,24 @@ def fly(
             return False
         vehicle.send(PilotCommand(pair[1].t_s, *sticks, -0.2, intent, low))
     return True
+
+
+FORWARD, DOWN, STILL = (20.0, 0.0, 0.0, 0.0), (0.0, 0.0, -40.0, 0.0), (0.0, 0.0, 0.0, 0.0)
+"""Sticks of `fly`."""
+
+
+@contextmanager
+def flying_forward(kind: str = "ardupilot", **options: Any) -> Iterator[tuple[MavlinkVehicle, StandIn, Blank]]:
+    """A bench whose vehicle was opened and has flown forward for half a second."""
+    with bench(kind, **options) as (vehicle, autopilot, camera):
+        vehicle.open()
+        assert fly(vehicle, 0.5, *FORWARD)
+        yield vehicle, autopilot, camera
+
+
+def line(vehicle: MavlinkVehicle, name: str) -> Check:
+    """The line of that name in the checklist."""
+    return {check.name: check for check in vehicle.checks()}[name]
 
 
 SET_POINTS = ("SET_ATTITUDE_TARGET", "SET_POSITION_TARGET_LOCAL_NED")
@@ -125,7 +145,7 @@ def test_no_motor_is_stopped_and_nothing_pressed_in_the_pilots_mode(kind: str) -
     mode, name = POSITION[kind]
     with bench(kind) as (vehicle, autopilot, _):
         vehicle.open()
-        assert fly(vehicle, 0.5, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND, low=True)
+        assert fly(vehicle, 0.5, *DOWN, intent=Intent.LAND, low=True)
         assert vehicle.in_command == "shipland"
         autopilot.say(f"mode {mode}")
         until(lambda: vehicle.in_command == f"the pilot ({name})")
@@ -153,7 +173,7 @@ def test_a_guided_mode_that_was_set_already_is_not_a_hand_over(kind: str, caplog
         until(lambda: "the pilot" in vehicle.in_command)
         autopilot.say(f"mode {GUIDED[kind]}")
         assert ended() == ""
-        assert fly(vehicle, 0.5, 0.0, 0.0, 0.0, 0.0)
+        assert fly(vehicle, 0.5, *STILL)
         assert vehicle.in_command == "shipland"
         assert commands(autopilot, 176) == []
 
@@ -195,8 +215,8 @@ def test_a_mode_without_a_velocity_loop_is_no_start_for_speeds() -> None:
             autopilot.say(f"mode {mode}")
             vehicle.connect()
             assert until(lambda mode=mode: vehicle.session.state.mode == mode)
-            line = next(check for check in vehicle.checks() if check.name == "autopilot")
-            assert (line.ok, "hand over in GUIDED" in line.words) == (fit, not fit)
+            found = line(vehicle, "autopilot")
+            assert (found.ok, "hand over in GUIDED" in found.words) == (fit, not fit)
     finally:
         vehicle.close()
         autopilot.close()
@@ -216,13 +236,13 @@ def test_an_updraft_at_height_neither_presses_nor_stops_the_motors() -> None:
     """Throttle at 0.59 of hover at a constant sink reads as standing."""
     with bench() as (vehicle, autopilot, _):
         vehicle.open()
-        assert fly(vehicle, 0.3, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert fly(vehicle, 0.3, *DOWN, intent=Intent.LAND)
         autopilot.say("updraft")
         for _ in range(3):
-            assert fly(vehicle, 0.5, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+            assert fly(vehicle, 0.5, *DOWN, intent=Intent.LAND)
             assert autopilot.report()["values"][3] == pytest.approx(-0.4, abs=1e-3)  # the pilot's, not 1.5 m/s
         assert commands(autopilot, 400) == []
-        assert not fly(vehicle, 6.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND, low=True)  # it was seen as standing
+        assert not fly(vehicle, 6.0, *DOWN, intent=Intent.LAND, low=True)  # it was seen as standing
         assert len(commands(autopilot, 400)) >= 1
 
 
@@ -233,28 +253,26 @@ def test_a_receiver_in_failsafe_has_not_moved_the_sticks(enabled: int, throttle_
         autopilot.say(f"set FS_THR_ENABLE {enabled}")
         autopilot.say("set FS_THR_VALUE 975")
         vehicle.open()
-        assert fly(vehicle, 0.3, 10.0, 0.0, 0.0, 0.0)
+        assert fly(vehicle, 0.3, *FORWARD)
         autopilot.say(f"sticks 1500 1500 {throttle_us} 1500")
-        assert fly(vehicle, 1.0, 10.0, 0.0, 0.0, 0.0)
+        assert fly(vehicle, 1.0, *FORWARD)
         assert vehicle.telemetry_at(time.monotonic()).alerts == "the receiver is in failsafe"
-        assert {check.name: check.ok for check in vehicle.checks()}["transmitter"] is False
+        assert line(vehicle, "transmitter").ok is False
         assert commands(autopilot, 176)[1:] == []  # but for our own GUIDED
         autopilot.say("sticks 1500 1500 1500 1500")
-        assert fly(vehicle, 0.5, 10.0, 0.0, 0.0, 0.0)
+        assert fly(vehicle, 0.5, *FORWARD)
         assert vehicle.telemetry_at(time.monotonic()).alerts == ""
         autopilot.say("sticks 1700")
-        assert not fly(vehicle, 3.0, 10.0, 0.0, 0.0, 0.0)
+        assert not fly(vehicle, 3.0, *FORWARD)
         assert vehicle.end_reason == "the pilot moved the sticks"
 
 
 @pytest.mark.parametrize("sticks", ["2110", "1500 890", "1500 1500 2110"])
 def test_a_stick_at_the_end_of_a_long_travel_takes_over(sticks: str) -> None:
     """Transmitters reach beyond a receiver's usual 950 to 2050 µs, and a stick is there within a tenth of a second."""
-    with bench() as (vehicle, autopilot, _):
-        vehicle.open()
-        assert fly(vehicle, 0.3, 10.0, 0.0, 0.0, 0.0)
+    with flying_forward() as (vehicle, autopilot, _):
         autopilot.say(f"sticks {sticks}")
-        assert not fly(vehicle, 3.0, 10.0, 0.0, 0.0, 0.0)
+        assert not fly(vehicle, 3.0, *FORWARD)
         assert vehicle.end_reason == "the pilot moved the sticks"
 
 
@@ -264,21 +282,19 @@ def test_sticks_are_where_the_autopilot_has_them(kind: str, name: str) -> None:
         autopilot.say(f"set {name} 6")
         autopilot.say("sticks 1100 1500 1500 1500 1500 1500")
         vehicle.open()
-        assert fly(vehicle, 0.3, 10.0, 0.0, 0.0, 0.0)
+        assert fly(vehicle, 0.3, *FORWARD)
         autopilot.say("sticks 1900")  # a knob
-        assert fly(vehicle, 0.5, 10.0, 0.0, 0.0, 0.0)
+        assert fly(vehicle, 0.5, *FORWARD)
         autopilot.say("sticks 1900 1500 1500 1500 1500 1700")
-        assert not fly(vehicle, 3.0, 10.0, 0.0, 0.0, 0.0)
+        assert not fly(vehicle, 3.0, *FORWARD)
         assert vehicle.end_reason == "the pilot moved the sticks"
 
 
 def test_a_pilot_at_the_sticks_gets_a_mode_that_obeys_them_though_requests_are_lost() -> None:
-    with bench() as (vehicle, autopilot, _):
-        vehicle.open()
-        assert fly(vehicle, 0.3, 10.0, 0.0, 0.0, 0.0)
+    with flying_forward() as (vehicle, autopilot, _):
         autopilot.say("deaf 4")
         autopilot.say("sticks 1500 1700")
-        assert not fly(vehicle, 3.0, 10.0, 0.0, 0.0, 0.0)
+        assert not fly(vehicle, 3.0, *FORWARD)
         vehicle.close()  # as the loop does at once
         assert autopilot.report()["mode"] == 2
         assert vehicle.in_command in ("the pilot (ALT_HOLD)", "nobody: the pilot moved the sticks")
@@ -287,12 +303,10 @@ def test_a_pilot_at_the_sticks_gets_a_mode_that_obeys_them_though_requests_are_l
 @pytest.mark.parametrize(("denied", "mode"), [("5", 2), ("5 2", 17)])
 def test_a_pilot_at_the_sticks_is_not_left_in_our_mode_where_modes_are_refused(denied: str, mode: int) -> None:
     """LOITER without a position, ALT_HOLD without a barometer; the flight ends at once, the requests go on."""
-    with bench() as (vehicle, autopilot, _):
-        vehicle.open()
-        assert fly(vehicle, 0.3, 10.0, 0.0, 0.0, 0.0)
+    with flying_forward() as (vehicle, autopilot, _):
         autopilot.say(f"deny {denied}")
         autopilot.say("sticks 1500 1700")
-        assert not fly(vehicle, 3.0, 10.0, 0.0, 0.0, 0.0)
+        assert not fly(vehicle, 3.0, *FORWARD)
         vehicle.close()
         assert autopilot.report()["mode"] == mode
         modes = [str(int(command[2])) for command in commands(autopilot, dialect.MAV_CMD_DO_SET_MODE)]
@@ -305,9 +319,9 @@ def test_a_vehicle_that_obeys_no_sticks_holds_when_they_are_moved() -> None:
         autopilot.say("set COM_RC_IN_MODE 4")
         autopilot.say("deny 2 3")
         vehicle.open()
-        assert fly(vehicle, 0.3, 10.0, 0.0, 0.0, 0.0)
+        assert fly(vehicle, 0.3, *FORWARD)
         autopilot.say("sticks 1500 1700")
-        assert not fly(vehicle, 3.0, 10.0, 0.0, 0.0, 0.0)
+        assert not fly(vehicle, 3.0, *FORWARD)
         vehicle.close()
         assert autopilot.report()["mode"] == HOLDS["px4"]
 
@@ -316,21 +330,20 @@ def test_where_the_throttle_stick_belongs_is_said_in_the_air_and_on_the_ground()
     """An ArduPilot refuses to arm with it in the middle."""
     with bench() as (vehicle, autopilot, _):
         vehicle.connect()
-        words = lambda: {check.name: check.words for check in vehicle.checks()}["transmitter"]  # noqa: E731
-        assert until(lambda: words() == "heard, throttle stick at 1500 µs")
+        assert until(lambda: line(vehicle, "transmitter").words == "heard, throttle stick at 1500 µs")
         autopilot.say("sticks 1500 1500 1000 1500")
-        assert until(lambda: "put it in the middle, or taking over" in words())
+        assert until(lambda: "put it in the middle, or taking over" in line(vehicle, "transmitter").words)
         assert vehicle.session.command(400, 0, 21196)
-        assert until(lambda: "arms with it at the bottom only" in words())
+        assert until(lambda: "arms with it at the bottom only" in line(vehicle, "transmitter").words)
 
 
 def test_without_a_transmitter_it_is_said_before_take_off(caplog: pytest.LogCaptureFixture) -> None:
     with bench() as (vehicle, autopilot, _):
         autopilot.say("sticks")
         vehicle.connect()
-        line = {check.name: check for check in vehicle.checks()}["transmitter"]
-        assert line.ok
-        assert "no transmitter is heard" in line.words
+        found = line(vehicle, "transmitter")
+        assert found.ok
+        assert "no transmitter is heard" in found.words
         vehicle.open()
         assert "no transmitter is heard" in caplog.text
 
@@ -340,8 +353,8 @@ def test_what_the_vehicle_says_is_wrong_stands_in_the_telemetry_until_it_is_not(
         vehicle.open()
         autopilot.say("sick")
         until(lambda: vehicle.telemetry_at(time.monotonic()).alerts == "not healthy: 3d gyro")
-        line = {check.name: check for check in vehicle.checks()}["health"]
-        assert (line.ok, line.words) == (False, "not healthy: 3d gyro")
+        found = line(vehicle, "health")
+        assert (found.ok, found.words) == (False, "not healthy: 3d gyro")
         autopilot.say("well")
         until(lambda: vehicle.telemetry_at(time.monotonic()).alerts == "")
 
@@ -351,8 +364,7 @@ def test_a_change_of_mode_is_seen_at_once(kind: str) -> None:
     """A PX4 refuses a rate for its heartbeat."""
     with bench(kind) as (vehicle, _, _):
         vehicle.connect()
-        words = lambda: {check.name: check.words for check in vehicle.checks()}["messages"]  # noqa: E731
-        assert until(lambda: "a takeover by mode is seen late" not in words())
+        assert until(lambda: "a takeover by mode is seen late" not in line(vehicle, "messages").words)
 
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
@@ -364,46 +376,47 @@ def test_a_required_parameter_that_is_not_told_is_not_assumed(kind: str) -> None
             vehicle.connect()
 
 
-def test_when_it_holds_by_itself_is_not_assumed() -> None:
-    with bench() as (vehicle, autopilot, _):
-        autopilot.say("lose GUID_TIMEOUT")
+@pytest.mark.parametrize(("kind", "name"), [("ardupilot", "GUID_TIMEOUT"), ("px4", "COM_OBL_RC_ACT")])
+def test_when_it_holds_by_itself_is_not_assumed(kind: str, name: str) -> None:
+    with bench(kind) as (vehicle, autopilot, _):
+        autopilot.say(f"lose {name}")
         vehicle.connect()
-        line = {check.name: check for check in vehicle.checks()}["own hold"]
-        assert not line.ok
-        assert "GUID_TIMEOUT" in line.words
+        found = line(vehicle, "own hold")
+        assert not found.ok
+        assert name in found.words
 
 
 @pytest.mark.parametrize(
-    ("kind", "name", "value", "line", "words"),
+    ("kind", "settings", "lines"),
     [
-        ("px4", "COM_OBL_RC_ACT", 5, "own hold", ""),
-        ("px4", "COM_OBL_RC_ACT", 4, "own hold", "it lands then"),
-        ("px4", "COM_OBL_RC_ACT", 7, "own hold", "it stops its motors then"),
-        ("px4", "GF_ACTION", 1, "geofence", "only warns"),
-        ("px4", "GF_ACTION", 4, "geofence", "stops the motors in the air"),
-        ("px4", "NAV_RCL_ACT", 6, "failsafes", "NAV_RCL_ACT is 6: stops the motors in the air"),
-        ("px4", "NAV_DLL_ACT", 5, "failsafes", "NAV_DLL_ACT is 5: stops the motors in the air"),
-        ("ardupilot", "FENCE_ACTION", 0, "geofence", "only reports"),
+        (
+            "px4",
+            {"COM_OBL_RC_ACT": 4, "GF_ACTION": 4, "NAV_RCL_ACT": 6, "NAV_DLL_ACT": 5},
+            {
+                "own hold": "it lands then",
+                "geofence": "stops the motors in the air",
+                "failsafes": "NAV_RCL_ACT is 6, NAV_DLL_ACT is 5: stops the motors in the air",
+            },
+        ),
+        (
+            "px4",
+            {"COM_OBL_RC_ACT": 7, "GF_ACTION": 1},
+            {"own hold": "it stops its motors then", "geofence": "only warns"},
+        ),
+        ("ardupilot", {"FENCE_ACTION": 0}, {"geofence": "only reports"}),
     ],
 )
 def test_a_failsafe_that_does_not_keep_it_flying_is_no_start(
-    kind: str, name: str, value: int, line: str, words: str
+    kind: str, settings: dict[str, int], lines: dict[str, str]
 ) -> None:
     with bench(kind) as (vehicle, autopilot, _):
-        autopilot.say(f"set {name} {value}")
+        for name, value in settings.items():
+            autopilot.say(f"set {name} {value}")
         vehicle.connect()
-        found = {check.name: check for check in vehicle.checks()}[line]
-        assert found.ok is not bool(words)
-        assert words in found.words
-
-
-def test_what_a_px4_does_without_set_points_is_not_assumed() -> None:
-    with bench("px4") as (vehicle, autopilot, _):
-        autopilot.say("lose COM_OBL_RC_ACT")
-        vehicle.connect()
-        line = {check.name: check for check in vehicle.checks()}["own hold"]
-        assert not line.ok
-        assert "COM_OBL_RC_ACT" in line.words
+        for name, words in lines.items():
+            found = line(vehicle, name)
+            assert not found.ok
+            assert words in found.words
 
 
 @pytest.mark.parametrize(("sticks", "mode"), [("sticks", 3), ("", 4)])
@@ -413,18 +426,21 @@ def test_a_px4_that_waits_for_sticks_without_set_points_is_no_start_without_them
         autopilot.say(f"set COM_RC_IN_MODE {mode}")
         autopilot.say(sticks)
         vehicle.connect()
-        line = lambda name: {check.name: check for check in vehicle.checks()}[name]  # noqa: E731
-        assert until(lambda: "WARNING" in line("transmitter").words)
-        assert (line("own hold").ok, "set COM_OBL_RC_ACT to 5" in line("own hold").words) == (False, True)
+        assert until(lambda: "WARNING" in line(vehicle, "transmitter").words)
+        found = line(vehicle, "own hold")
+        assert (found.ok, "set COM_OBL_RC_ACT to 5" in found.words) == (False, True)
 
 
-def test_a_fence_without_a_size_is_not_called_on() -> None:
+def test_a_hold_is_a_fit_failsafe_and_a_fence_without_a_size_is_not_called_on() -> None:
     """A PX4 as delivered has an action, and nothing that it is for."""
     with bench("px4") as (vehicle, autopilot, _):
+        autopilot.say("set COM_OBL_RC_ACT 5")
         autopilot.say("set GF_MAX_HOR_DIST 0")
         vehicle.connect()
-        line = {check.name: check for check in vehicle.checks()}["geofence"]
-        assert (line.ok, "WARNING" in line.words) == (True, True)
+        assert line(vehicle, "own hold").ok
+        assert line(vehicle, "failsafes").ok
+        fence = line(vehicle, "geofence")
+        assert (fence.ok, "WARNING" in fence.words) == (True, True)
 
 
 def test_a_check_fails_for_what_has_stopped() -> None:
@@ -445,29 +461,35 @@ def test_the_gimbal_is_asked_for_again_where_that_is_lost_and_a_refusal_is_said(
             autopilot.say(f"{word} {number}")
             vehicle.connect()
             assert len(commands(autopilot, number)) == asked
-            line = gimbal_check(replace(vehicle.session.state, gimbal_t_s=time.monotonic()))
-            assert line.ok
-            assert words in line.words
+            found = gimbal_check(replace(vehicle.session.state, gimbal_t_s=time.monotonic()))
+            assert found.ok
+            assert words in found.words
 
 
-def test_messages_without_which_no_touchdown_is_seen_are_missed() -> None:
+@pytest.mark.parametrize(
+    ("withheld", "words", "others"),
+    [
+        ("LOCAL_POSITION_NED", "no touchdown is seen", "a takeover"),
+        ("RC_CHANNELS", "a takeover by stick is seen late", "no touchdown"),
+    ],
+)
+def test_a_message_that_comes_too_seldom_is_missed_for_what_it_tells(withheld: str, words: str, others: str) -> None:
     """An ArduPilot without an origin sends no LOCAL_POSITION_NED, and a request for a rate may be lost."""
     with bench() as (vehicle, autopilot, _):
         vehicle.connect()
-        words = lambda: {check.name: check.words for check in vehicle.checks()}["messages"]  # noqa: E731
-        until(lambda: "WARNING" not in words())
-        autopilot.say("withhold LOCAL_POSITION_NED")
-        until(lambda: "LOCAL_POSITION_NED 0 Hz" in words())
-        assert "no touchdown is seen" in words()
-        assert "a takeover" not in words()
+        assert until(lambda: "WARNING" not in line(vehicle, "messages").words)
+        autopilot.say(f"withhold {withheld}")
+        assert until(lambda: f"{withheld} 0 Hz" in line(vehicle, "messages").words)
+        assert words in line(vehicle, "messages").words
+        assert others not in line(vehicle, "messages").words
 
 
 def test_the_pictures_age_is_not_called_measured_where_it_was_stated() -> None:
     with bench() as (vehicle, _, _):
         vehicle.connect()
-        assert "measured; at most" in {check.name: check.words for check in vehicle.checks()}["picture's age"]
+        assert "measured; at most" in line(vehicle, "picture's age").words
         vehicle._setup = replace(vehicle._setup, latency_s=0.1)
-        words = {check.name: check.words for check in vehicle.checks()}["picture's age"]
+        words = line(vehicle, "picture's age").words
         assert "0.100 s stated, not measured" in words
         assert "0.000 s behind the quickest picture, measured" in words
 
@@ -508,7 +530,7 @@ def test_a_px4_takes_off_in_offboard() -> None:
         assert report["mode"] == 6 << 16
         assert report["up"] == pytest.approx(11.0, abs=0.8)  # from 10 m, a tenth off is near enough
         assert 22 not in {int(command[0]) for command in report["commands"]}
-        assert fly(vehicle, 0.5, 0.0, 0.0, 0.0, 0.0)
+        assert fly(vehicle, 0.5, *STILL)
         assert autopilot.report()["values"][2] == 0.0
 
 
@@ -539,24 +561,20 @@ def test_nothing_is_taken_or_armed_unasked() -> None:
 
 
 def test_stale_commands_become_a_hold() -> None:
-    with bench(stale_s=0.4) as (vehicle, autopilot, _):
-        vehicle.open()
-        assert fly(vehicle, 0.5, 60.0, 0.0, 0.0, 0.0)
+    with flying_forward(stale_s=0.4) as (vehicle, autopilot, _):
         assert autopilot.report()["target"] == "tilt"
         time.sleep(0.8)  # the process stalls, its set-points do not
         report = autopilot.report()
         assert report["target"] == "speed"
         assert report["values"] == [0.0, 0.0, 0.0, 0.0]
         assert report["age_s"] < 0.1
-        assert fly(vehicle, 0.5, 60.0, 0.0, 0.0, 0.0)
+        assert fly(vehicle, 0.5, *FORWARD)
         assert autopilot.report()["target"] == "tilt"
 
 
 @pytest.mark.parametrize("ended", [False, True])
 def test_lost_video_leaves_telemetry_and_ends_the_flight_in_time(ended: bool) -> None:
-    with bench(stale_s=0.4, video_timeout_s=1.0) as (vehicle, autopilot, camera):
-        vehicle.open()
-        assert fly(vehicle, 0.5, 60.0, 0.0, 0.0, 0.0)
+    with flying_forward(stale_s=0.4, video_timeout_s=1.0) as (vehicle, autopilot, camera):
         camera.frozen, camera.closed = True, ended
         dark = []
         while (pair := vehicle.read()) is not None:
@@ -589,22 +607,18 @@ def test_a_picture_that_stands_still_is_none() -> None:
 
 
 def test_a_lost_link_ends_the_flight_and_the_vehicle_holds_by_itself() -> None:
-    with bench(link_timeout_s=1.5) as (vehicle, autopilot, _):
-        vehicle.open()
-        assert fly(vehicle, 0.5, 60.0, 0.0, 0.0, 0.0)
+    with flying_forward(link_timeout_s=1.5) as (vehicle, autopilot, _):
         autopilot.say("silent 60")
-        assert not fly(vehicle, 4.0, 60.0, 0.0, 0.0, 0.0)
+        assert not fly(vehicle, 4.0, *FORWARD)
         assert "link lost" in vehicle.end_reason
 
 
 @pytest.mark.parametrize(("mute_s", "mode"), [(60, GUIDED["ardupilot"]), (1.5, HOLDS["ardupilot"])])
 def test_a_vehicle_that_is_not_heard_any_more_is_left_holding(mute_s: float, mode: int) -> None:
     """It may still hear: an ArduPilot flies the last tilt until GUID_TIMEOUT, and then drifts with the wind."""
-    with bench(link_timeout_s=1.0) as (vehicle, autopilot, _):
-        vehicle.open()
-        assert fly(vehicle, 0.5, 60.0, 0.0, 0.0, 0.0)
+    with flying_forward(link_timeout_s=1.0) as (vehicle, autopilot, _):
         autopilot.say(f"mute {mute_s}")
-        assert not fly(vehicle, 4.0, 60.0, 0.0, 0.0, 0.0)
+        assert not fly(vehicle, 4.0, *FORWARD)
         assert "link lost" in vehicle.end_reason
         vehicle.close()
         report = autopilot.report()
@@ -615,31 +629,27 @@ def test_a_vehicle_that_is_not_heard_any_more_is_left_holding(mute_s: float, mod
     ("words", "reason"), [("mode 5", "LOITER"), ("sticks 1700", "sticks"), ("reboot", "restarted")]
 )
 def test_whoever_takes_the_vehicle_keeps_it(words: str, reason: str) -> None:
-    with bench() as (vehicle, autopilot, _):
-        vehicle.open()
-        assert fly(vehicle, 0.5, 60.0, 0.0, 0.0, 0.0)
+    with flying_forward() as (vehicle, autopilot, _):
         autopilot.say(words)
-        assert not fly(vehicle, 3.0, 60.0, 0.0, 0.0, 0.0)
+        assert not fly(vehicle, 3.0, *FORWARD)
         assert reason in vehicle.end_reason
         time.sleep(0.3)
-        before = autopilot.report()["counts"]
+        before = set_points(autopilot)
         vehicle.send(PilotCommand(time.monotonic(), 80.0, 0.0, 0.0, 0.0, 0.0))
         time.sleep(0.5)
-        after = autopilot.report()["counts"]
-        for name in ("SET_ATTITUDE_TARGET", "SET_POSITION_TARGET_LOCAL_NED"):
-            assert after.get(name, 0) == before.get(name, 0)
+        assert set_points(autopilot) == before
         assert autopilot.report()["mode"] == (5 if words.startswith(("mode", "sticks")) else 4)
 
 
 def test_touchdown_on_a_moving_deck_stops_the_motors_by_force() -> None:
     with bench() as (vehicle, autopilot, _):
         vehicle.open()
-        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND, low=True)
+        assert fly(vehicle, 1.0, *DOWN, intent=Intent.LAND, low=True)
         assert autopilot.report()["armed"]  # low throttle alone is no touchdown: it has just begun to sink
         autopilot.say("deck")
-        assert not fly(vehicle, 8.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND, low=True)
+        assert not fly(vehicle, 8.0, *DOWN, intent=Intent.LAND, low=True)
         assert vehicle.end_reason.startswith("landed")
-        disarms = [command for command in autopilot.report()["commands"] if command[0] == 400]
+        disarms = commands(autopilot, 400)
         assert disarms[:2] == [[400, 0.0, 0.0], [400, 0.0, 21196.0]]  # by force as soon as it was denied
 
 
@@ -647,10 +657,10 @@ def test_on_a_link_that_lags_no_motor_is_stopped_in_the_pilots_hands() -> None:
     """The touch that seems new is two seconds old: the pilot has taken over and lifted off since."""
     with bench() as (vehicle, autopilot, _):
         vehicle.open()
-        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND, low=True)
+        assert fly(vehicle, 1.0, *DOWN, intent=Intent.LAND, low=True)
         autopilot.say("lag 2")
         autopilot.say("deck")
-        assert fly(vehicle, 1.9, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND, low=True)
+        assert fly(vehicle, 1.9, *DOWN, intent=Intent.LAND, low=True)
         autopilot.say("mode 5")
         seen, end_s = "", time.monotonic() + 8.0
         while (pair := vehicle.read()) is not None and time.monotonic() < end_s:
@@ -662,23 +672,26 @@ def test_on_a_link_that_lags_no_motor_is_stopped_in_the_pilots_hands() -> None:
         assert "no answer" in seen
 
 
+OWN = Engagement(take=True, own_landing=True)
+
+
 @contextmanager
 def landing_by_itself(kind: str = "ardupilot") -> Iterator[tuple[MavlinkVehicle, StandIn]]:
     """In the autopilot's own landing."""
-    with bench(kind, engagement=Engagement(take=True, own_landing=True)) as (vehicle, autopilot, _):
+    with bench(kind, engagement=OWN) as (vehicle, autopilot, _):
         vehicle.open()
-        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert fly(vehicle, 1.0, *DOWN, intent=Intent.LAND)
         assert autopilot.report()["mode"] == OWN_LANDING[kind]
         yield vehicle, autopilot
 
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
 def test_where_the_autopilot_is_to_land_it_does_once_the_pilot_would(kind: str) -> None:
-    with bench(kind, engagement=Engagement(take=True, own_landing=True)) as (vehicle, autopilot, _):
+    with bench(kind, engagement=OWN) as (vehicle, autopilot, _):
         vehicle.open()
-        assert fly(vehicle, 0.5, 0.0, 0.0, 0.0, 0.0)
+        assert fly(vehicle, 0.5, *STILL)
         assert vehicle.in_command == "shipland"
-        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert fly(vehicle, 1.0, *DOWN, intent=Intent.LAND)
         assert autopilot.report()["mode"] == OWN_LANDING[kind]
         pose = BarPose(np.array([-3.0, 0.0, -1.0]), 0.0, 1e-4 * np.eye(4), 0.1, np.zeros((8, 2)))
         frame, telemetry = vehicle.read() or (None, None)
@@ -694,7 +707,7 @@ def test_where_the_autopilot_is_to_land_it_does_once_the_pilot_would(kind: str) 
         assert set_points(autopilot) == before
         assert autopilot.report()["counts"]["GIMBAL_MANAGER_SET_PITCHYAW"] > turned  # the camera follows the cue
         vehicle.session.command(400, 0, 21196)
-        assert not fly(vehicle, 3.0, 0.0, 0.0, 0.0, 0.0)
+        assert not fly(vehicle, 3.0, *STILL)
         assert vehicle.end_reason.startswith("landed")
 
 
@@ -702,7 +715,7 @@ def test_an_own_landing_that_is_given_while_the_thread_that_asked_waits_is_ours(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """For the interpreter, which vision may hold: taken for a person's, it went on without being told of the deck."""
-    with bench(engagement=Engagement(take=True, own_landing=True)) as (vehicle, _, _):
+    with bench(engagement=OWN) as (vehicle, _, _):
         vehicle.open()
         command = Session.command
 
@@ -713,21 +726,21 @@ def test_an_own_landing_that_is_given_while_the_thread_that_asked_waits_is_ours(
             return sent
 
         monkeypatch.setattr(Session, "command", delayed)
-        assert fly(vehicle, 1.5, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND), vehicle.end_reason
+        assert fly(vehicle, 1.5, *DOWN, intent=Intent.LAND), vehicle.end_reason
         assert vehicle.in_command == "the autopilot"
 
 
 @pytest.mark.parametrize("intent", [Intent.LAND, Intent.GO_AROUND])
 def test_a_persons_landing_is_not_taken_for_one_that_was_denied(intent: Intent) -> None:
-    with bench(engagement=Engagement(take=True, own_landing=True)) as (vehicle, autopilot, _):
+    with bench(engagement=OWN) as (vehicle, autopilot, _):
         vehicle.open()
         autopilot.say("deny 9")
-        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert fly(vehicle, 1.0, *DOWN, intent=Intent.LAND)
         assert vehicle.in_command == "shipland"
         assert fly(vehicle, 0.5, 0.0, 0.0, 40.0, 0.0, intent=intent)
         before = set_points(autopilot)
         autopilot.say("mode 9")
-        assert not fly(vehicle, 3.0, 0.0, 0.0, 0.0, 0.0, intent=intent)
+        assert not fly(vehicle, 3.0, *STILL, intent=intent)
         assert "took over: LAND" in vehicle.end_reason
         given = set_points(autopilot)
         assert given <= before + 6  # 50 a second, until one of ten heartbeats a second tells the mode
@@ -738,11 +751,11 @@ def test_a_persons_landing_is_not_taken_for_one_that_was_denied(intent: Intent) 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
 def test_an_own_landing_that_is_given_when_it_is_not_wanted_any_more_ends_in_a_hold(kind: str) -> None:
     """Granted, and not told yet, when the pilot goes around: it would land where it is, perhaps in the sea."""
-    with bench(kind, engagement=Engagement(take=True, own_landing=True)) as (vehicle, autopilot, _):
+    with bench(kind, engagement=OWN) as (vehicle, autopilot, _):
         vehicle.open()
         autopilot.say("lag 0.6")
-        assert fly(vehicle, 2.0, 0.0, 0.0, 0.0, 0.0)
-        assert fly(vehicle, 0.3, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert fly(vehicle, 2.0, *STILL)
+        assert fly(vehicle, 0.3, *DOWN, intent=Intent.LAND)
         assert autopilot.report()["mode"] == OWN_LANDING[kind]
         assert not fly(vehicle, 4.0, 0.0, 0.0, 50.0, 0.0, intent=Intent.GO_AROUND)
         assert "not wanted any more" in vehicle.end_reason
@@ -755,7 +768,7 @@ def test_on_a_link_that_lags_our_end_takes_no_mode_from_a_person() -> None:
     with bench() as (vehicle, autopilot, _):
         vehicle.open()
         autopilot.say("lag 2")
-        assert fly(vehicle, 3.5, 10.0, 0.0, 0.0, 0.0)
+        assert fly(vehicle, 3.5, *FORWARD)
         autopilot.say("mode 5")
         assert until(lambda: autopilot.report()["mode"] == 5)
         vehicle.close()
@@ -768,33 +781,22 @@ def test_a_heartbeat_of_another_program_as_component_1_is_not_the_autopilots() -
         beat = dialect.MAVLink_heartbeat_message(18, dialect.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
         link = vehicle.session.link
         link.take(Codec(1, 1).encode(beat), link._peer, time.monotonic())
-        assert fly(vehicle, 0.5, 10.0, 0.0, 0.0, 0.0), vehicle.end_reason
-
-
-def test_a_transmitter_that_is_told_of_too_seldom_is_warned_of() -> None:
-    with bench() as (vehicle, autopilot, _):
-        vehicle.connect()
-        words = lambda: {check.name: check.words for check in vehicle.checks()}["messages"]  # noqa: E731
-        assert until(lambda: "WARNING" not in words())
-        autopilot.say("withhold RC_CHANNELS")
-        assert until(lambda: "a takeover by stick is seen late" in words())
+        assert fly(vehicle, 0.5, *FORWARD), vehicle.end_reason
 
 
 def test_a_message_that_another_ground_station_stops_is_asked_for_again() -> None:
     """An ArduPilot's rates are a link's: REQUEST_DATA_STREAM from whoever shares it sets them all anew."""
-    with bench() as (vehicle, autopilot, _):
-        vehicle.open()
-        assert fly(vehicle, 0.5, 10.0, 0.0, 0.0, 0.0)
+    with flying_forward() as (vehicle, autopilot, _):
         autopilot.say("halt RC_CHANNELS")
         autopilot.say("sticks 1500 1700")
-        assert not fly(vehicle, 10.0, 10.0, 0.0, 0.0, 0.0)
+        assert not fly(vehicle, 10.0, *FORWARD)
         assert vehicle.end_reason == "the pilot moved the sticks"
 
 
 def test_a_pilots_mode_ends_the_autopilots_own_landing_too() -> None:
     with landing_by_itself() as (vehicle, autopilot):
         autopilot.say("mode 5")
-        assert not fly(vehicle, 3.0, 0.0, 0.0, 0.0, 0.0)
+        assert not fly(vehicle, 3.0, *STILL)
         assert "LOITER" in vehicle.end_reason
 
 
@@ -835,13 +837,13 @@ def test_a_pilot_at_the_sticks_has_the_autopilots_own_landing_and_keeps_the_mode
 
 
 def test_the_autopilots_own_landing_is_not_asked_for_in_a_mode_that_a_person_chose_unheard() -> None:
-    with bench(engagement=Engagement(take=True, own_landing=True)) as (vehicle, autopilot, _):
+    with bench(engagement=OWN) as (vehicle, autopilot, _):
         vehicle.open()
-        assert fly(vehicle, 0.5, 0.0, 0.0, 0.0, 0.0)
+        assert fly(vehicle, 0.5, *STILL)
         autopilot.say("mute 1.2")
         time.sleep(0.4)
         autopilot.say("mode 5")
-        assert not fly(vehicle, 5.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert not fly(vehicle, 5.0, *DOWN, intent=Intent.LAND)
         assert "took over: LOITER" in vehicle.end_reason
         assert autopilot.report()["mode"] == 5
 
@@ -862,9 +864,7 @@ def test_a_pilot_at_the_sticks_has_it_alone_after_a_flight_that_has_ended() -> N
 
 
 def test_a_mode_that_a_person_chose_unheard_is_not_taken_away_by_our_end() -> None:
-    with bench() as (vehicle, autopilot, _):
-        vehicle.open()
-        assert fly(vehicle, 0.5, 20.0, 0.0, 0.0, 0.0)
+    with flying_forward() as (vehicle, autopilot, _):
         autopilot.say("mute 10")
         time.sleep(0.5)
         autopilot.say("mode 5")
@@ -877,14 +877,12 @@ def test_a_mode_that_a_person_chose_unheard_is_not_taken_away_by_our_end() -> No
 def test_no_mode_is_asked_for_before_a_heartbeat_after_the_machine_was_suspended(
     mode: int, left: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with bench() as (vehicle, autopilot, _):
-        vehicle.open()
-        assert fly(vehicle, 0.5, 20.0, 0.0, 0.0, 0.0)
+    with flying_forward() as (vehicle, autopilot, _):
         autopilot.say("mute 0.2")
         autopilot.say(f"mode {mode}")
         for module in (pace, link_vehicle):
             monkeypatch.setattr(module, "boot_s", lambda: time.monotonic() + 30.0)
-        assert not fly(vehicle, 3.0, 20.0, 0.0, 0.0, 0.0)
+        assert not fly(vehicle, 3.0, *FORWARD)
         vehicle.close()
         assert autopilot.report()["mode"] == left
 
@@ -905,33 +903,30 @@ def test_a_parameter_that_changes_what_sticks_mean_ends_the_flight_in_a_hold() -
         assert autopilot.report()["mode"] == 17
 
 
-@pytest.mark.parametrize(
-    ("ids", "name", "words"),
-    [((7, 1), "one vehicle", "system 7"), ((245, 191), "one shipland", "as system 245"), ((255, 190), "", "")],
-)
-def test_a_second_vehicle_and_a_second_shipland_are_no_start(ids: tuple[int, int], name: str, words: str) -> None:
+def test_a_second_vehicle_and_a_second_shipland_are_no_start() -> None:
+    """A ground station is no other, nor is a vehicle of another system where ours is stated."""
     with bench() as (vehicle, _, _):
         vehicle.connect()
-        assert not [check for check in vehicle.checks() if check.name.startswith("one ")]
-        beat = dialect.MAVLink_heartbeat_message(2, 3 if ids[1] == 1 else 8, 129, 4, 4, 3)
-        vehicle.session.link.take(Codec(*ids).encode(beat), "elsewhere:1", time.monotonic())
-        found = [check for check in vehicle.checks() if check.name.startswith("one ")]
-        assert [check.name for check in found] == ([name] if name else [])
-        assert all(not check.ok and words in check.words for check in found)
 
+        def hear(system: int, component: int) -> None:
+            beat = dialect.MAVLink_heartbeat_message(2, 3 if component == 1 else 8, 129, 4, 4, 3)
+            vehicle.session.link.take(Codec(system, component).encode(beat), "elsewhere:1", time.monotonic())
 
-@pytest.mark.parametrize(("stated", "other", "fit"), [(None, 1, False), (1, 1, False), (1, 7, True)])
-def test_a_second_vehicle_from_another_address_is_no_start_unless_excluded(
-    stated: int | None, other: int, fit: bool
-) -> None:
-    with bench() as (vehicle, _, _):
-        vehicle._setup = replace(vehicle._setup, vehicle=stated)
-        vehicle.connect()
-        beat = dialect.MAVLink_heartbeat_message(2, 3, 129, 4, 4, 3)
-        vehicle.session.link.take(Codec(other, 1).encode(beat), "elsewhere:1", time.monotonic())
-        found = [check for check in vehicle.checks() if check.name == "one vehicle"]
-        assert all(not check.ok and "from two addresses" in check.words for check in found)
-        assert fit is not bool(found)
+        def others() -> dict[str, str]:
+            return {it.name: it.words for it in vehicle.checks() if it.name.startswith("one ") and not it.ok}
+
+        hear(255, 190)
+        assert not others()
+        hear(7, 1)
+        assert "system 7" in others()["one vehicle"]
+        vehicle._setup = replace(vehicle._setup, vehicle=1)
+        assert not others()
+        hear(245, 191)
+        assert "as system 245" in others()["one shipland"]
+        hear(1, 1)
+        for stated in (1, None):
+            vehicle._setup = replace(vehicle._setup, vehicle=stated)
+            assert "from two addresses" in others()["one vehicle"]
 
 
 def test_a_second_vehicle_with_the_same_system_id_is_no_start() -> None:
@@ -946,9 +941,7 @@ def test_a_second_vehicle_with_the_same_system_id_is_no_start() -> None:
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
 def test_closed_in_flight_it_leaves_the_vehicle_in_a_mode_that_holds(kind: str) -> None:
-    with bench(kind) as (vehicle, autopilot, _):
-        vehicle.open()
-        assert fly(vehicle, 0.5, 60.0, 0.0, 0.0, 0.0)
+    with flying_forward(kind) as (vehicle, autopilot, _):
         vehicle.close()
         report = autopilot.report()
         assert (report["mode"], report["target"]) == (HOLDS[kind], "hold")
@@ -1031,8 +1024,8 @@ def test_the_motors_are_not_stopped_while_not_landing() -> None:
     with bench() as (vehicle, autopilot, _):
         vehicle.open()
         autopilot.say("deck")
-        assert fly(vehicle, 2.5, 0.0, 0.0, -40.0, 0.0, low=True)
-        assert not [command for command in autopilot.report()["commands"] if command[0] == 400]
+        assert fly(vehicle, 2.5, *DOWN, low=True)
+        assert not commands(autopilot, 400)
 
 
 def test_signed_links_refuse_the_unsigned() -> None:
@@ -1050,7 +1043,7 @@ def test_signed_links_refuse_the_unsigned() -> None:
 def test_set_points_keep_their_pace() -> None:
     with bench() as (vehicle, _, _):
         vehicle.open()
-        assert fly(vehicle, 1.5, 10.0, 0.0, 0.0, 0.0)
+        assert fly(vehicle, 1.5, *FORWARD)
         late = sorted(vehicle.late_s)
         assert 50 <= len(late) <= 200  # 50 Hz since opening; how late: tools/set_point_pace.py
 
