@@ -81,6 +81,12 @@ def test_a_log_becomes_a_bag_that_rosbags_reads(tmp_path: Path) -> None:
         write_bag(log, tmp_path / "bag")
 
 
+def test_a_picture_that_several_cycles_saw_is_in_the_bag_once(tmp_path: Path) -> None:
+    cycles = list(flight(from_s=20.0, to_s=20.5))
+    log = write_log(tmp_path / "flight.mcap", [replace(cycle, frame=cycles[0].frame) for cycle in cycles])
+    assert write_bag(log, tmp_path / "bag")["/drone/camera/image_raw/compressed"] == 1
+
+
 def test_half_a_bag_is_not_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log = write_log(tmp_path / "flight.mcap", flight(from_s=20.0, to_s=20.1))
 

@@ -91,6 +91,7 @@ def _write(log_path: Path, log: FlightLog, bag: _Bag, namespace: str) -> dict[st
             height_px, width_px, _ = picture.shape
             info.send(camera_info(log.header.camera.scaled(width_px, height_px), exposed_s, _OPTICAL))
             image.send(jpeg_message(picture, exposed_s, _OPTICAL))
+            time_ns, picture = next(pictures, _NO_PICTURE)
         telling.seen(record.observation, _OPTICAL)
         telling.decided(record.decision, record.telemetry.t_s)
     telling.ended(log.verdict.reason if log.verdict is not None else "no touchdown")
