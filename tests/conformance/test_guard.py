@@ -312,9 +312,7 @@ def test_a_held_interpreter_is_held_for_and_flies_on(flying: Flight) -> None:
     assert report["mode"] == GUIDED
 
 
-def test_a_process_that_stays_frozen_is_left_holding_and_learns_it(
-    flying: Flight,
-) -> None:
+def test_a_process_that_stays_frozen_is_left_holding_and_learns_it(flying: Flight) -> None:
     process, autopilot, _ = flying
     process.send_signal(signal.SIGSTOP)
     until(lambda: holds(autopilot.report()))
@@ -389,9 +387,7 @@ def test_a_process_that_dies_is_held_for_and_the_mode_that_holds_is_asked_for(
     until(lambda: is_free(port))  # the guard has gone as well
 
 
-def test_a_person_who_took_over_is_left_alone_when_our_process_freezes_and_dies(
-    flying: Flight,
-) -> None:
+def test_a_person_who_took_over_is_left_alone_when_our_process_freezes_and_dies(flying: Flight) -> None:
     process, autopilot, _ = flying
     process.send_signal(signal.SIGSTOP)
     until(lambda: holds(autopilot.report()))

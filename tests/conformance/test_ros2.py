@@ -7,8 +7,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ import pytest
 
 pytest.importorskip("cyclonedds", reason="the extra ros2")
 
-from ros2_bench import CAMERA, bench, own_domain
+from ros2_bench import CAMERA, Drone, bench, own_domain
 
 from ports import free_port
 from shipland.errors import VehicleError
@@ -36,10 +36,11 @@ from shipland.messages import (
 )
 from shipland.rig import Rig
 from shipland.vehicles.ros2.conversions import gimbal_message, odometry_of
-from shipland.vehicles.ros2.dds import Node, _quality
+from shipland.vehicles.ros2.dds import Node, Publisher, _quality
 from shipland.vehicles.ros2.image_messages import camera_info
 from shipland.vehicles.ros2.state import Heard
 from shipland.vehicles.ros2.types import message, message_of
+from shipland.vehicles.ros2.vehicle import Ros2Vehicle
 from shipland.vehicles.vehicle import Commanded, Ending, Informed, Real
 from shipland.vehicles.wanted import Wanted
 from waiting import until
@@ -47,6 +48,21 @@ from waiting import until
 
 def command(intent: Intent = Intent.FLY, pitch_percent: float = 20.0, low: bool = True) -> PilotCommand:
     return PilotCommand(time.monotonic(), pitch_percent, 0.0, 0.0, 0.0, -0.25, intent, low)
+
+
+@contextmanager
+def flying(options: str = "", intent: Intent = Intent.FLY, **more: float) -> Iterator[tuple[Ros2Vehicle, Drone]]:
+    """A bench whose vehicle was opened, and whose drone has got its first forward stick."""
+    with bench(options, **more) as (vehicle, drone):
+        vehicle.open()
+        vehicle.send(command(intent))
+        assert until(lambda: drone.wanted.forward > 0.0)
+        yield vehicle, drone
+
+
+def ask(land: Publisher, wanted: bool = True) -> None:
+    """For a landing, or off."""
+    land.send(message("std_msgs/msg/Bool", data=wanted))
 
 
 def test_it_is_a_real_vehicle_that_says_who_commands_and_passes_on_what_is_seen() -> None:
@@ -138,10 +154,7 @@ def test_a_pilots_mode_that_mavros_calls_guided_is_a_takeover(mode: str) -> None
         drone.mode = mode
         with pytest.raises(VehicleError, match=f"it is {mode}"):
             vehicle.open()
-    with bench() as (vehicle, drone):
-        vehicle.open()
-        vehicle.send(command())
-        assert until(lambda: drone.wanted.forward > 0.0)
+    with flying() as (vehicle, drone):
         drone.mode = mode
         assert until(lambda: bool(vehicle.end_reason))
         assert vehicle.end_reason == f"the pilot took over: {mode}"
@@ -149,9 +162,7 @@ def test_a_pilots_mode_that_mavros_calls_guided_is_a_takeover(mode: str) -> None
 
 @pytest.mark.parametrize("how", ["taken over", "closed"])
 def test_motors_may_no_longer_stop_once_it_is_not_ours(how: str) -> None:
-    with bench() as (vehicle, drone):
-        vehicle.open()
-        vehicle.send(command(Intent.LAND))
+    with flying(intent=Intent.LAND) as (vehicle, drone):
         assert until(lambda: drone.landing)
         if how == "closed":
             vehicle.close()
@@ -199,10 +210,8 @@ def test_a_drone_that_never_obeys_is_said_to() -> None:
 
 @pytest.mark.parametrize(("intent", "words"), [(Intent.LAND, "landed: "), (Intent.FLY, "")])
 def test_motors_that_stop_have_landed_where_a_landing_was_flown(intent: Intent, words: str) -> None:
-    with bench() as (vehicle, drone):
-        vehicle.open()
-        vehicle.send(command(intent))
-        assert until(lambda: drone.landing is (intent is Intent.LAND) and drone.wanted.forward > 0.0)
+    with flying(intent=intent) as (vehicle, drone):
+        assert until(lambda: drone.landing is (intent is Intent.LAND))
         assert drone.mount is not None
         drone.armed = False
         assert until(lambda: bool(vehicle.end_reason))
@@ -210,9 +219,7 @@ def test_motors_that_stop_have_landed_where_a_landing_was_flown(intent: Intent, 
 
 
 def test_a_landing_high_over_the_deck_lets_no_motors_stop() -> None:
-    with bench() as (vehicle, drone):
-        vehicle.open()
-        vehicle.send(command(Intent.LAND))
+    with flying(intent=Intent.LAND) as (vehicle, drone):
         assert until(lambda: drone.landing)
         vehicle.send(command(Intent.LAND, low=False))
         assert until(lambda: not drone.landing)
@@ -220,19 +227,13 @@ def test_a_landing_high_over_the_deck_lets_no_motors_stop() -> None:
 
 
 def test_without_new_commands_it_holds() -> None:
-    with bench(stale_s=0.2) as (vehicle, drone):
-        vehicle.open()
-        vehicle.send(command())
-        assert until(lambda: drone.wanted.forward > 0.0)
+    with flying(stale_s=0.2) as (_, drone):
         assert until(lambda: drone.wanted.hold)
 
 
 @pytest.mark.parametrize("kind", ["velocity", "attitude"])
 def test_closing_leaves_it_holding(kind: str) -> None:
-    with bench(f"&kind={kind}") as (vehicle, drone):
-        vehicle.open()
-        vehicle.send(command())
-        assert until(lambda: drone.wanted.forward > 0.0)
+    with flying(f"&kind={kind}") as (vehicle, drone):
         vehicle.close()
         assert until(lambda: drone.wanted.hold)
 
@@ -256,10 +257,7 @@ def test_a_flight_that_has_ended_by_itself_leaves_it_holding(kind: str) -> None:
 @pytest.mark.parametrize("intent", [Intent.FLY, Intent.LAND])
 def test_an_autopilot_that_the_bridge_has_lost_has_not_landed(intent: Intent) -> None:
     """Mavros then says once: not connected, not armed, no mode."""
-    with bench() as (vehicle, drone):
-        vehicle.open()
-        vehicle.send(command(intent))
-        assert until(lambda: drone.wanted.forward > 0.0)
+    with flying(intent=intent) as (vehicle, drone):
         drone.connected = drone.armed = drone.guided = False
         drone.mode = ""
         assert until(lambda: bool(vehicle.end_reason))
@@ -273,11 +271,11 @@ def test_a_landing_is_asked_for_and_ended_by_a_topic(kind: str) -> None:
         land = drone.node.publisher("shipland/land", "std_msgs/msg/Bool")
         vehicle.connect()
         assert until(lambda: land.heard)
-        land.send(message("std_msgs/msg/Bool", data=True))
+        ask(land)
         vehicle.open()
         vehicle.send(PilotCommand(time.monotonic(), 20.0, 0.0, 0.0, 0.0, -0.2, Intent.FLY))
         assert until(lambda: drone.wanted.forward > 0.0)
-        land.send(message("std_msgs/msg/Bool", data=False))
+        ask(land, wanted=False)
         assert until(lambda: vehicle.end_reason == "ended by /shipland/land")
         assert until(lambda: drone.wanted.hold)
         held = len(drone.holds_s)
@@ -292,18 +290,18 @@ def test_a_landing_called_off_before_the_hand_over_is_not_flown_until_it_is_call
         land = drone.node.publisher("shipland/land", "std_msgs/msg/Bool")
         vehicle.connect()
         assert until(lambda: land.heard)
-        land.send(message("std_msgs/msg/Bool", data=True))
+        ask(land)
         opening = threading.Thread(target=vehicle.open, daemon=True)
         opening.start()
         assert until(lambda: vehicle._heard._hand_over is not None)
-        land.send(message("std_msgs/msg/Bool", data=False))
+        ask(land, wanted=False)
         assert until(lambda: vehicle._heard.land is False)
         drone.mode = "GUIDED"  # for somebody else
         assert until(lambda: vehicle._heard.mode == "GUIDED")
         opening.join(1.0)
         assert opening.is_alive()
         assert vehicle.in_command == "the pilot (GUIDED)"
-        land.send(message("std_msgs/msg/Bool", data=True))
+        ask(land)
         opening.join(20.0)
         assert vehicle.in_command == "shipland"
 
@@ -315,7 +313,7 @@ def test_a_call_is_answered_where_the_vehicle_was_not_given() -> None:
         land = drone.node.publisher("shipland/land", "std_msgs/msg/Bool")
         vehicle.connect()
         assert until(lambda: land.heard and vehicle._telling._result.heard)
-        land.send(message("std_msgs/msg/Bool", data=True))
+        ask(land)
         with pytest.raises(VehicleError, match="was not given to us") as failed:
             vehicle.open()
         assert until(lambda: told == [str(failed.value)])
@@ -340,7 +338,7 @@ def test_a_call_is_answered_where_connecting_fails() -> None:
         connecting = threading.Thread(target=connect, daemon=True)
         connecting.start()
         assert until(lambda: land.heard and vehicle._telling and vehicle._telling._result.heard)
-        land.send(message("std_msgs/msg/Bool", data=True))
+        ask(land)
         connecting.join(20.0)
         assert "camera_info has not come" in failed[0]
         assert until(lambda: told)
@@ -353,7 +351,7 @@ def test_who_waits_for_no_call_answers_none() -> None:
         land = drone.node.publisher("shipland/land", "std_msgs/msg/Bool")
         vehicle.connect()
         assert until(lambda: land.heard)
-        land.send(message("std_msgs/msg/Bool", data=True))
+        ask(land)
         assert until(lambda: vehicle._heard.land)
         sent: list[object] = []
         vehicle._telling._result.send = sent.append
@@ -403,21 +401,17 @@ def test_a_landing_is_called_as_a_service() -> None:
                 call.kill()
 
 
-def test_silence_ends_the_flight() -> None:
-    with bench(link_timeout_s=0.5) as (vehicle, drone):
-        vehicle.open()
-        drone.silent = True
-        assert until(lambda: vehicle.end_reason.startswith("link lost"))
-        assert vehicle.read() is None
-
-
-def test_pictures_that_stop_end_the_flight() -> None:
-    with bench(video_timeout_s=0.5) as (vehicle, drone):
+@pytest.mark.parametrize(
+    ("timeout", "what", "reason"),
+    [("link_timeout_s", "silent", "link lost"), ("video_timeout_s", "frozen", "video lost: no picture for 0.5 s")],
+)
+def test_silence_and_pictures_that_stop_end_the_flight(timeout: str, what: str, reason: str) -> None:
+    with bench(**{timeout: 0.5}) as (vehicle, drone):
         vehicle.open()
         assert vehicle.read() is not None
-        drone.frozen = True
+        setattr(drone, what, True)
         assert until(lambda: vehicle.read() is None)
-        assert vehicle.end_reason.startswith("video lost: no picture for 0.5 s")
+        assert vehicle.end_reason.startswith(reason)
 
 
 def test_stamps_of_another_clock_are_refused_unless_the_latency_is_stated() -> None:
@@ -532,17 +526,14 @@ def test_looking_without_flying_commands_nothing() -> None:
 
 
 def test_messages_that_are_none_are_counted_and_the_next_is_heard() -> None:
-    domain = own_domain()
-    one, other = Node(domain, local=True), Node(domain, local=True)
-    try:
-        got: list[float] = []
+    domain, got = own_domain(), list[float]()
 
-        def take(told: object) -> None:
-            value = told.data  # type: ignore[attr-defined]
-            if math.isnan(value):
-                raise ValueError
-            got.append(value)
+    def take(told: Any) -> None:
+        if math.isnan(told.data):
+            raise ValueError
+        got.append(told.data)
 
+    with closing(Node(domain, local=True)) as one, closing(Node(domain, local=True)) as other:
         other.subscribe("x", "std_msgs/msg/Float64", take)
         out = one.publisher("x", "std_msgs/msg/Float64")
         assert until(lambda: out.heard)
@@ -550,9 +541,6 @@ def test_messages_that_are_none_are_counted_and_the_next_is_heard() -> None:
         out.send(message("std_msgs/msg/Float64", data=2.0))
         assert until(lambda: got == [2.0])
         assert other.malformed == 1
-    finally:
-        one.close()
-        other.close()
 
 
 @pytest.mark.slow
