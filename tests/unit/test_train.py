@@ -350,10 +350,18 @@ def test_whenever_its_time_is_up_the_last_step_is_kept(squares, tmp_path, monkey
     assert load_checkpoint(tmp_path / running.LAST)[2].seconds >= limit_s
 
 
-def test_resume_refuses_another_seed(squares, tmp_path):
-    training.train(arguments(squares, tmp_path / "run", 2))
+def test_resume_refuses_another_seed_and_other_weights(squares, tmp_path):
+    trained = training.train(arguments(squares, tmp_path / "run", 2)).detector
     with pytest.raises(DataError, match="begun with seed 0, not 7"):
         training.train(arguments(squares, tmp_path / "run", 4, resume=True, seed=7))
+    with pytest.raises(DataError, match="begun with weights none, not .*onnx"):
+        training.train(arguments(squares, tmp_path / "run", 4, resume=True, weights=trained))
+
+
+def test_a_folder_named_twice_is_refused(squares, tmp_path):
+    wanted = replace(arguments(squares, tmp_path / "run", 2), data=(squares, squares / "."))
+    with pytest.raises(DataError, match=r"names .* twice"):
+        training.train(wanted)
 
 
 def copied(folder, to, names):

@@ -107,6 +107,9 @@ def _parameters(arguments: TrainArguments) -> TrainParameters:
 def _datasets(arguments: TrainArguments) -> Dataset:
     if not arguments.data:
         raise DataError("no data set given: name at least one folder with images/ and labels/")
+    folders = [folder.resolve() for folder in arguments.data]
+    if twice := next((folder for folder in folders if folders.count(folder) > 1), None):
+        raise DataError(f"--data names {twice} twice: its pictures would be both trained on and held out")
     sets = [read_dataset(folder, arguments.classes) for folder in arguments.data]
     for item in sets[1:]:
         if item.classes != sets[0].classes:
@@ -163,6 +166,7 @@ def _identity(arguments: TrainArguments, fitting: Dataset) -> dict[str, str]:
     listed = "\n".join(str(sample.path) for sample in fitting.samples).encode()
     pictures = f"{len(fitting.samples)} to train on ({hashlib.sha256(listed).hexdigest()[:8]})"
     same = {"profile": arguments.profile, "seed": str(arguments.seed), "data": names, "width": f"{arguments.width:g}"}
+    same["weights"] = "none" if arguments.weights is None else str(arguments.weights)
     return same | {"classes": ", ".join(fitting.classes), "pictures": pictures}
 
 
