@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shipland import factories
-from shipland.compiled import say_that_it_compiles
 from shipland.errors import ConfigError
 from shipland.factories import Factory
 from shipland.flight import fly as fly_loop
 from shipland.flight import no_override
 from shipland.frames import Array
 from shipland.guidance.response import Response
+from shipland.machine_code import prepare_machine_code
 from shipland.messages import FlightRecord, Override
 from shipland.scenario.autonomy import aircraft_scale, build_autonomy, build_scene, build_vehicle
 from shipland.scenario.faults import with_faults
@@ -130,7 +130,7 @@ def fly(
     scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     factories.resolve("pilots", pilot)
     pictures, seed = needs_pictures(factories.resolve("visions", vision)), checked_seed(seed)
-    say_that_it_compiles()
+    prepare_machine_code()
     records: list[FlightRecord] = []
     with ExitStack() as stack:
         stack.enter_context(stop_requests())

@@ -2,12 +2,14 @@
 
 import re
 from pathlib import Path
+from pickle import UnpicklingError
 
 import pytest
 
 from shipland import compiled as module
 from shipland.compiled import cache_folder, compiled
 from shipland.environments.landing import LandingEnv
+from shipland.machine_code import prepare_machine_code
 
 COMPILED = "from shipland.compiled import compiled\n\n\n@compiled\ndef f(x):\n    return x + {}\n"
 
@@ -60,6 +62,27 @@ def test_the_machine_code_lies_in_that_folder(monkeypatch, tmp_path):
     assert compiled(thrice)(1.5) == 4.5
     assert list(tmp_path.rglob("*.nbi"))
     assert before == module.numba.config.CACHE_DIR
+
+
+def test_machine_code_that_a_loss_of_power_cut_off_is_compiled_again(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(module, "cache_folder", lambda _: tmp_path)
+    monkeypatch.setattr(module._SETTINGS, "DISABLE_JIT", 0)
+
+    def four_times(x: float) -> float:
+        return 4.0 * x
+
+    assert compiled(four_times)(1.5) == 6.0
+    index, code = next(tmp_path.rglob("*.nbi")), next(tmp_path.rglob("*.nbc"))
+    for path, left in ((index, 0), (code, 100)):
+        whole = path.read_bytes()
+        path.write_bytes(whole[:left])
+        with pytest.raises((EOFError, UnpicklingError)):
+            compiled(four_times)(1.5)
+        prepare_machine_code()
+        assert compiled(four_times)(1.5) == 6.0
+        assert path.read_bytes()[-1:] == b"."
+    prepare_machine_code()
+    assert caplog.messages.count("machine code was cut off (1 files) and is compiled again") == 2
 
 
 def test_a_first_flight_says_that_it_compiles_and_a_second_does_not(tmp_path, monkeypatch, caplog):

@@ -354,7 +354,7 @@ def test_resume_refuses_another_seed_and_other_weights(squares, tmp_path):
     trained = training.train(arguments(squares, tmp_path / "run", 2)).detector
     with pytest.raises(DataError, match="begun with seed 0, not 7"):
         training.train(arguments(squares, tmp_path / "run", 4, resume=True, seed=7))
-    with pytest.raises(DataError, match="begun with weights none, not .*onnx"):
+    with pytest.raises(DataError, match=r"begun with weights none, not .*onnx"):
         training.train(arguments(squares, tmp_path / "run", 4, resume=True, weights=trained))
 
 
