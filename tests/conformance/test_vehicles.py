@@ -309,13 +309,3 @@ def test_the_same_seed_gives_the_same_truth_bit_for_bit() -> None:
     first = flight(11)
     assert first == flight(11)
     assert first[0] != flight(12, descent=0)[0]
-
-
-def test_the_end_is_none_and_stays_none() -> None:
-    vehicle = simulated(13)
-    vehicle.open()
-    pairs = cycles(vehicle, 2000, 0.0, 0.0, -80.0, 0.0, intent=Intent.LAND)
-    assert len(pairs) < 2000
-    assert vehicle.verdict() is not None
-    assert vehicle.read() is None
-    assert vehicle.read() is None
