@@ -1,6 +1,7 @@
 """The published pilot: every stick moves the right way, and a simple aircraft under it comes to its place."""
 
 import math
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -298,3 +299,21 @@ def test_time_may_start_anywhere(start_s, build_pilot, off_percent):
     assert (
         np.percentile(off, 98.0) <= off_percent
     )  # rounded to milliseconds, a cycle may be on the other side of a limit
+
+
+def test_a_vehicle_that_was_never_heard_is_no_gap():
+    never = np.float64(-math.inf)
+    silent = Telemetry(0.0, None, None, None, None, None, None, None, True, never, never, never, never)
+    pilot = horizon_pilot()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for _ in range(2):
+            decision = pilot.decide(Observation(never, LEVEL), silent, None)
+    assert decision.mode is Mode.SEARCH
+    assert "nothing heard" not in decision.reason
+
+
+def test_after_a_gap_the_position_is_found_anew():
+    pilot, place_m = horizon_pilot(), (-8.0, 0.0, 0.0)
+    assert settled(place_m, cycles=60, pilot=pilot).estimate is not None
+    assert settled(place_m, cycles=1, pilot=pilot, start_s=5.0).estimate is None
