@@ -12,6 +12,7 @@ import pytest
 from shipland.config import build, packaged_toml
 from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.response import Response
+from shipland.messages import Intent, PilotCommand
 from shipland.vehicles.mavlink.motors import MotorStop
 from shipland.vehicles.mavlink.parameters import MavlinkParameters
 from shipland.vehicles.mavlink.state import AutopilotState
@@ -216,15 +217,35 @@ RESPONSE = packaged_toml("vehicles")["response"]["attitude"] | {
 }  # fmt: skip
 
 
+def session_into(sent: list[int]) -> Any:
+    """A session whose commands are kept by their numbers."""
+    return SimpleNamespace(command=lambda number, *_: sent.append(number))
+
+
 @pytest.mark.parametrize(
     ("asked_s", "heartbeat_s", "stopped"),
     [(99.5, 99.9, True), (98.0, 99.9, False), (math.nan, 99.9, False), (99.5, 99.6, False)],
 )
 def test_motors_stop_only_where_link_and_mode_are_known(asked_s, heartbeat_s, stopped, monkeypatch) -> None:
     sent: list[int] = []
-    session: Any = SimpleNamespace(command=lambda number, *_: sent.append(number))
-    motors = MotorStop(session, MavlinkParameters(), LIMITS, HOVER)
+    motors = MotorStop(session_into(sent), MavlinkParameters(), LIMITS, HOVER)
     monkeypatch.setattr(motors, "_watch", SimpleNamespace(see=lambda _: GroundContact.STANDS))
     state = AutopilotState(armed=True, heartbeat_s=heartbeat_s, asked_s=asked_s)
     motors.look(None, state, 100.0)
     assert bool(sent) == stopped
+
+
+@pytest.mark.parametrize(("flown_percent", "stops"), [(39.0, True), (0.0, False)])
+def test_a_throttle_of_zero_stops_no_motor_where_it_was_zero_in_flight(flown_percent: float, stops: bool) -> None:
+    """Zero is also the word of a vehicle that does not tell its throttle: a steady descent would read as standing."""
+    sent: list[int] = []
+    motors = MotorStop(session_into(sent), MavlinkParameters(), LIMITS, 0.39)
+    for turn in range(200):
+        t_s, lands = 100.0 + 0.02 * turn, turn >= 100
+        state = AutopilotState(
+            heartbeat_s=t_s, asked_s=t_s, armed=True, throttle_t_s=t_s, velocity_t_s=t_s,
+            throttle_percent=0.0 if lands else flown_percent, velocity_in_ned_mps=(0.0, 0.0, 0.4 if lands else 0.0),
+        )  # fmt: skip
+        intent = Intent.LAND if lands else Intent.FLY
+        motors.look(PilotCommand(t_s, 0.0, 0.0, -40.0, 0.0, 0.0, intent, lands), state, t_s)
+    assert bool(sent) == stops
