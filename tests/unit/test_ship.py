@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from shipland.config import build
-from shipland.errors import DataError
 from shipland.frames import euler_from_rotation
 from shipland.rig import Rig
 from shipland.sim.ship.course import StillCourse, StraightCourse
@@ -97,9 +96,3 @@ def test_froude_time_is_the_square_root_of_the_length_scale() -> None:
     np.testing.assert_allclose(
         decks["froude"].at(4.0).displacement, decks["length_only"].at(12.0).displacement, atol=1e-9
     )
-
-
-def test_a_missing_record_is_a_data_error() -> None:
-    lost = parameters(motion="recorded", recorded={"path": "no/such/motion.csv"})
-    with pytest.raises(DataError, match="does not exist"):
-        build_ship(lost, RIG, np.random.default_rng(0))
