@@ -19,6 +19,7 @@ from shipland.environments import LANDING, LAST_PHASE  # noqa: E402
 from shipland.environments.actions import ResidualPilot  # noqa: E402
 from shipland.environments.flight_env import SteppedFlight  # noqa: E402
 from shipland.environments.landing import LandingEnv, observation_space  # noqa: E402
+from shipland.environments.last_phase import LastPhaseEnv  # noqa: E402
 from shipland.guidance.pilot import horizon  # noqa: E402
 from shipland.record.observations import OLDEST_S, Observer  # noqa: E402
 from shipland.safety.assurance import Safety  # noqa: E402
@@ -55,10 +56,16 @@ def test_it_conforms_to_gymnasium(settings):
     env_checker.check_env(make(**settings, render_mode="rgb_array").unwrapped)
 
 
-@pytest.mark.parametrize("observation", ["dict", "flat"])
-def test_it_conforms_to_stable_baselines(observation):
+def test_the_last_phase_conforms_to_gymnasium():
+    env_checker.check_env(gymnasium.make(LAST_PHASE).unwrapped)
+
+
+@pytest.mark.parametrize(
+    ("which", "settings"), [(LANDING, {"observation": "dict"}), (LANDING, {"observation": "flat"}), (LAST_PHASE, {})]
+)
+def test_it_conforms_to_stable_baselines(which, settings):
     checker = pytest.importorskip("stable_baselines3.common.env_checker", reason="stable-baselines3 is not installed")
-    env = make(observation=observation)
+    env = gymnasium.make(which, **settings)
     checker.check_env(env.unwrapped)
     env.close()
 
@@ -262,25 +269,30 @@ def test_what_is_missing_has_an_age_and_is_finite(camera):
 
 
 @pytest.mark.parametrize(
-    ("wrong", "words"),
+    ("env", "wrong", "words"),
     [
-        ({"action": "stick"}, "stick.*residual"),
-        ({"observation": "list"}, "list.*flat"),
-        ({"bound": 2.0}, "bound=2.0"),
-        ({"bound": [0.1, 0.2]}, "or four"),
-        ({"bound": "half"}, "bound='half'"),
-        ({"vision": "none"}, "none"),
-        ({"vision": None}, "None is none of the visions; expected a name .*geometric"),
-        ({"action": "residual", "pilot": "nobody"}, "nobody"),
-        ({"scenario": "nowhere"}, "nowhere"),
-        ({"overrides": {"wind": {"mean": 1.0}}}, "mean_mps"),
-        ({"render_mode": "human"}, "render_mode='human': expected one of rgb_array"),
-        ({"scenaro": "near"}, "LandingEnv: unknown key 'scenaro'; did you mean 'scenario'"),
+        (LandingEnv, {"action": "stick"}, "stick.*residual"),
+        (LandingEnv, {"observation": "list"}, "list.*flat"),
+        (LandingEnv, {"bound": 2.0}, "bound=2.0"),
+        (LandingEnv, {"bound": [0.1, 0.2]}, "or four"),
+        (LandingEnv, {"bound": "half"}, "bound='half'"),
+        (LandingEnv, {"vision": "none"}, "none"),
+        (LandingEnv, {"vision": None}, "None is none of the visions; expected a name .*geometric"),
+        (LandingEnv, {"action": "residual", "pilot": "nobody"}, "nobody"),
+        (LandingEnv, {"scenario": "nowhere"}, "nowhere"),
+        (LandingEnv, {"overrides": {"wind": {"mean": 1.0}}}, "mean_mps"),
+        (LandingEnv, {"render_mode": "human"}, "render_mode='human': expected one of rgb_array"),
+        (LandingEnv, {"scenaro": "near"}, "LandingEnv: unknown key 'scenaro'; did you mean 'scenario'"),
+        (LastPhaseEnv, {"action": "stick"}, "action='stick': expected one of residual, direct"),
+        (LastPhaseEnv, {"reach": 1.0}, "LastPhaseEnv: unknown key 'reach'; did you mean 'reach_m'"),
+        (LastPhaseEnv, {"bound_mps2": 99.0}, "bound_mps2"),
+        (LastPhaseEnv, {"bound_mps2": "half"}, "bound_mps2"),
+        (LastPhaseEnv, {"overrides": {"aircraft.loop.kind": "velocity"}}, "attitude"),
     ],
 )
-def test_what_is_wrong_is_said_in_one_line(wrong, words):
+def test_what_is_wrong_is_said_in_one_line(env, wrong, words):
     with pytest.raises(ShiplandError, match=words) as found:
-        LandingEnv(**wrong)
+        env(**wrong)
     assert "\n" not in str(found.value)
 
 
