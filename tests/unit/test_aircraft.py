@@ -9,20 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipland.config import merge
-from shipland.frames import (
-    GRAVITY_MPS2,
-    euler_from_rotation,
-    rows_from_euler,
-)
+from shipland.frames import GRAVITY_MPS2, euler_from_rotation, rows_from_euler
 from shipland.messages import Intent, PilotCommand
 from shipland.rig import Rig
 from shipland.sim.aircraft.aircraft import Quadrotor
 from shipland.sim.aircraft.record import Record, at
-from shipland.sim.aircraft.step import (
-    air_force_in_ned_n,
-    ground_effect_gain,
-    trim_hover,
-)
+from shipland.sim.aircraft.step import air_force_in_ned_n, ground_effect_gain, trim_hover
 from shipland.sim.contact import Bodies, deck_values
 from shipland.sim.ship.course import StillCourse
 from shipland.sim.ship.deck_motion import Still

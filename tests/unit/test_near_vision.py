@@ -11,17 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import shipland
-from pictures import (
-    TONES,
-    Look,
-    add_target,
-    bar_picture,
-    camera_from_bar,
-    decoys,
-    finish,
-    light_of,
-    project_plane,
-)
+from pictures import TONES, Look, add_target, bar_picture, camera_from_bar, decoys, finish, light_of, project_plane
 from shipland.camera import Camera, CameraParameters
 from shipland.cue import Cue, Polygon
 from shipland.messages import Frame, GimbalAttitude

@@ -9,13 +9,7 @@ from shipland.camera import Camera
 from shipland.commands.print_cue import PrintCue
 from shipland.cue import Cue, Polygon
 from shipland.errors import ConfigError, DataError
-from shipland.report.print_sheets import (
-    PAPERS_MM,
-    chessboard_drawing,
-    cue_drawing,
-    print_sheets,
-    sheets_for,
-)
+from shipland.report.print_sheets import PAPERS_MM, chessboard_drawing, cue_drawing, print_sheets, sheets_for
 
 PX_PER_MM = 4.0
 GREEN = (35, 85)

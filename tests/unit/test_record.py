@@ -411,14 +411,8 @@ def test_the_log_tells_each_change_of_mode_with_its_reason(tmp_path):
     path = write_log(tmp_path / "f.mcap", flight(pictures=False))
     told = [message.message for message in messages(path, "/log")]
     assert told[0] == "SEARCH: nothing seen yet"
-    assert [line.split(":")[0] for line in told[:-1]] == [
-        "SEARCH",
-        "TRACK_SHIP",
-        "TRACK_BAR",
-        "APPROACH",
-        "LAND",
-        "DONE",
-    ]
+    modes = ["SEARCH", "TRACK_SHIP", "TRACK_BAR", "APPROACH", "LAND", "DONE"]
+    assert [line.split(":")[0] for line in told[:-1]] == modes
     assert told[-1] == VERDICT.reason
 
 

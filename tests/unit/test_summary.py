@@ -26,12 +26,8 @@ def whole():
 
 def test_figures_of_the_made_up_flight(whole):
     summary = summarise(whole, "on the deck")
-    assert (summary["scenario"], summary["seed"], summary["pilot"], summary["end"]) == (
-        "made-up",
-        7,
-        "paper",
-        "on the deck",
-    )
+    flown = [summary[name] for name in ("scenario", "seed", "pilot", "end")]
+    assert flown == ["made-up", 7, "paper", "on the deck"]
     assert summary["time_to_land_s"] == TOUCHDOWN_S
     assert summary["touchdown_error_m"] == pytest.approx(0.05)  # 4 cm ahead, 3 cm to port
     assert summary["touchdown"] is VERDICT

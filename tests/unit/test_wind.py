@@ -8,14 +8,7 @@ from hypothesis import strategies as st
 from shipland.config import build
 from shipland.frames import Array
 from shipland.rig import Rig
-from shipland.sim.turbulence import (
-    Dryden,
-    Kaimal,
-    TurbulenceParameters,
-    land_scales,
-    sea_roughness_m,
-    step_covariance,
-)
+from shipland.sim.turbulence import Dryden, Kaimal, TurbulenceParameters, land_scales, sea_roughness_m, step_covariance
 from shipland.sim.wind import Airwake, ShipPlace, SteadyWind, Wind, WindParameters, build_wind
 
 RIG = Rig()
