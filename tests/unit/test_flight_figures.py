@@ -59,7 +59,8 @@ def test_pictures_are_remade_bit_by_bit(records, unarranged, tmp_path):
 
 def test_a_folder_of_logs_gives_three_pictures(records, tmp_path):
     write_log(tmp_path / "flights" / "2.mcap", records[::10])
-    write_log(tmp_path / "flights" / "10.mcap", records[::20], None)
+    write_log(tmp_path / "flights" / "10.mcap", records[::20], None, info=dataclasses.replace(INFO, seed=10))
+    write_log(tmp_path / "flights" / "again" / "2.mcap", records[::10])  # the same flight
     logs = read_flights(tmp_path)
     assert [len(log.records) for log in logs] == [len(records[::10]), len(records[::20])]  # 2 before 10
     paths = figures_of_flights(tmp_path, tmp_path / "out")

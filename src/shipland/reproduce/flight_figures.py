@@ -37,9 +37,17 @@ _DPI = 80
 
 
 def read_flights(folder: Path) -> list[FlightLog]:
-    """The logs with truth in a folder and those below it, by name; DataError where none are, or one cannot be read."""
+    """The logs with truth in a folder and those below it, by name, a flight that was flown again once.
+
+    DataError where none are, or one cannot be read.
+    """
     paths = sorted(folder.rglob("*.mcap"), key=lambda path: (path.parent, len(path.stem), path.stem))
-    logs = [log for log in map(read_log, paths) if any(record.truth for record in log.records)]
+    flights: dict[tuple[str, str, str, int | None], FlightLog] = {}
+    for log in map(read_log, paths):
+        info = log.header.info
+        if any(record.truth for record in log.records):
+            flights.setdefault((info.config_digest, info.pilot, info.vision, info.seed), log)
+    logs = [*flights.values()]
     if not logs:
         raise DataError(
             f"{folder} holds no log of a simulated flight (*.mcap); "
