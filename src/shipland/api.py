@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shipland import factories
+from shipland.compiled import cache_folder, say_that_it_compiles
 from shipland.errors import ConfigError
 from shipland.factories import Factory
 from shipland.flight import fly as fly_loop
 from shipland.flight import no_override
 from shipland.frames import Array
 from shipland.guidance.response import Response
-from shipland.machine_code import prepare_machine_code
 from shipland.messages import FlightRecord, Override
 from shipland.scenario.autonomy import aircraft_scale, build_autonomy, build_scene, build_vehicle
 from shipland.scenario.faults import with_faults
@@ -42,6 +42,8 @@ if TYPE_CHECKING:  # one flight that leaves nothing imports neither records nor 
 __all__ = ["Flight", "fly", "load_scenario", "without_pictures"]
 
 _log = logging.getLogger(__name__)
+_END_OF_CODE = b"."
+"""Last byte of every pickle, which Numba's files are."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -130,7 +132,8 @@ def fly(
     scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     factories.resolve("pilots", pilot)
     pictures, seed = needs_pictures(factories.resolve("visions", vision)), checked_seed(seed)
-    prepare_machine_code()
+    drop_cut_off_code()
+    say_that_it_compiles()
     records: list[FlightRecord] = []
     with ExitStack() as stack:
         stack.enter_context(stop_requests())
@@ -173,6 +176,27 @@ def fly(
             recorder.finish(verdict, result.reason, {stage.value: cost for stage, cost in result.cost_s.items()})
     problems = () if recorder is None else tuple(recorder.problems)
     return Flight(result, verdict, scenario, tuple(records), problems, None if out is None else Path(out))
+
+
+def drop_cut_off_code() -> None:
+    """Throw away compiled code that a loss of power has cut off, and say so.
+
+    An aircraft's computer often loses its power right after a flight, with files that are named and still empty. Numba
+    would fail with such a file in every flight from then on; without it, it compiles again.
+    """
+    folder = cache_folder(Path(__file__).parent)
+    damaged = [] if folder is None else [path for path in folder.rglob("*.nb[ic]") if not _is_whole(path)]
+    for path in damaged:
+        path.unlink(missing_ok=True)
+    if damaged:
+        _log.warning("machine code was cut off (%d files) and is compiled again", len(damaged))
+
+
+def _is_whole(path: Path) -> bool:
+    try:
+        return path.read_bytes().endswith(_END_OF_CODE)
+    except OSError:  # another process has thrown it away
+        return True
 
 
 def checked_seed(seed: Any) -> int:  # noqa: ANN401 - whatever a caller gives

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy.typing as npt
 
 from shipland import factories
-from shipland.api import checked_seed
+from shipland.api import checked_seed, drop_cut_off_code
+from shipland.compiled import say_that_it_compiles
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation.campaign import (
     CampaignPlan,
@@ -44,7 +45,6 @@ from shipland.evaluation.tables import summary_of
 from shipland.evaluation.tally import Tally
 from shipland.extras import require
 from shipland.factories import Factory
-from shipland.machine_code import prepare_machine_code
 from shipland.progress import followed
 from shipland.rig import area_of
 from shipland.scenario.scenario import Scenario
@@ -335,7 +335,8 @@ def _fly(
     executor = on_cluster(cluster) if cluster else processes(here)
     plan, flown, success, begun_s = opened.plan, 0, 0, time.monotonic()
     if progress is not False:
-        prepare_machine_code()
+        drop_cut_off_code()
+        say_that_it_compiles()
     cells, area = len(plan.cells), area_of(cell.scenario.rig for cell in plan.cells)
     flights = sum(1 for _ in plan.jobs())
 

@@ -6,10 +6,11 @@ from pickle import UnpicklingError
 
 import pytest
 
+from shipland import api
 from shipland import compiled as module
+from shipland.api import drop_cut_off_code
 from shipland.compiled import cache_folder, compiled
 from shipland.environments.landing import LandingEnv
-from shipland.machine_code import prepare_machine_code
 
 COMPILED = "from shipland.compiled import compiled\n\n\n@compiled\ndef f(x):\n    return x + {}\n"
 
@@ -65,7 +66,8 @@ def test_the_machine_code_lies_in_that_folder(monkeypatch, tmp_path):
 
 
 def test_machine_code_that_a_loss_of_power_cut_off_is_compiled_again(tmp_path, monkeypatch, caplog):
-    monkeypatch.setattr(module, "cache_folder", lambda _: tmp_path)
+    for home in (module, api):
+        monkeypatch.setattr(home, "cache_folder", lambda _: tmp_path)
     monkeypatch.setattr(module._SETTINGS, "DISABLE_JIT", 0)
 
     def four_times(x: float) -> float:
@@ -78,10 +80,10 @@ def test_machine_code_that_a_loss_of_power_cut_off_is_compiled_again(tmp_path, m
         path.write_bytes(whole[:left])
         with pytest.raises((EOFError, UnpicklingError)):
             compiled(four_times)(1.5)
-        prepare_machine_code()
+        drop_cut_off_code()
         assert compiled(four_times)(1.5) == 6.0
         assert path.read_bytes()[-1:] == b"."
-    prepare_machine_code()
+    drop_cut_off_code()
     assert caplog.messages.count("machine code was cut off (1 files) and is compiled again") == 2
 
 

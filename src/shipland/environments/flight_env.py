@@ -17,14 +17,15 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland import factories
+from shipland.api import drop_cut_off_code
 from shipland.camera import Camera
+from shipland.compiled import say_that_it_compiles
 from shipland.config import unknown_key
 from shipland.environments.actions import ActionPilot
 from shipland.errors import ConfigError
 from shipland.factories import Factory
 from shipland.flight import Cycle, FlightResult, check_or_hold, cycles, decide_or_degrade
 from shipland.guidance.pilot import PilotSetup
-from shipland.machine_code import prepare_machine_code
 from shipland.messages import Decision, Frame, Observation, PilotCommand, Telemetry
 from shipland.report.views import FlightViews
 from shipland.safety.assurance import Safety
@@ -183,7 +184,8 @@ class FlightEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]], Generic[Seen]):
         source = scenario.table() if isinstance(scenario, Scenario) else scenario
         self.scenario = load_scenario(source, **(overrides or {}))
         self._vision = factories.resolve("visions", vision)
-        prepare_machine_code()
+        drop_cut_off_code()
+        say_that_it_compiles()
         self.render_mode = render_mode
         self._views: FlightViews | None = None
         self._flight: SteppedFlight | None = None

@@ -14,12 +14,12 @@ import numpy as np
 
 from shipland import factories
 from shipland.camera import Camera
+from shipland.compiled import say_that_it_compiles
 from shipland.config import merge, settings
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation.folder import read_campaign, read_key
 from shipland.flight import Autonomy, cycles, decide_or_degrade
 from shipland.former import renamed
-from shipland.machine_code import prepare_machine_code
 from shipland.messages import FlightRecord, Observation, PilotCommand
 from shipland.record.reader import FlightLog, read_log
 from shipland.safety.input_gate import InputGate, without_repeated
@@ -201,7 +201,7 @@ def replay(recording: Recording, on_cycle: Callable[[FlightRecord], object] = la
     DataError where the vision wants pictures and there are none, ConfigError where pilot or vision is not known.
     """
     wants_pictures = needs_pictures(factories.resolve("visions", recording.vision))
-    prepare_machine_code()
+    say_that_it_compiles()
     autonomy = build_autonomy(recording.scenario, recording.vehicle, recording.pilot, recording.vision, recording.seed)
     rows, pairs = {record.frame.t_s: record for record in recording.records}, []
     nobody_flew = (cycle.record for cycle in cycles(recording.vehicle, autonomy, time.perf_counter))

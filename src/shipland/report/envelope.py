@@ -229,13 +229,13 @@ def _rings(speeds: Sequence[float]) -> list[tuple[float, float]]:
 
 def _draw_border(axes: Any, directions: Sequence[float], borders: Mapping[float, tuple[float, str]]) -> None:  # noqa: ANN401
     """From direction to direction, not across half a circle; dotted where it lies at an edge of what was flown."""
-    pairs = [pair for pair in pairwise([*directions, directions[0] + 360.0]) if pair[1] - pair[0] < 180.0]
-    alone = [at for at in directions if not any(at in (first, second % 360.0) for first, second in pairs)]
-    arcs = [(at - 15.0, at + 15.0, (at, at)) for at in alone]
-    for left, right, ends in [*((first, second, (first, second)) for first, second in pairs), *arcs]:
-        found = [borders[end % 360.0] for end in ends]
-        style = ":" if any(bound for _, bound in found) else "-"
-        axes.plot(np.radians([left, right]), [wind_kn for wind_kn, _ in found], style, color=unit(VERMILION), lw=2.2)
+    pairs = pairwise([*directions, directions[0] + 360.0])
+    arcs = [
+        (first, second, borders[first], borders[second % 360.0]) for first, second in pairs if second - first < 180.0
+    ]
+    for left, right, *ends in arcs or [(at - 15.0, at + 15.0, borders[at], borders[at]) for at in directions]:
+        style = ":" if any(bound for _, bound in ends) else "-"
+        axes.plot(np.radians([left, right]), [wind_kn for wind_kn, _ in ends], style, color=unit(VERMILION), lw=2.2)
 
 
 def _draw_ship(axes: Any, most_kn: float) -> None:  # noqa: ANN401

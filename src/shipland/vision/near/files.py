@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from shipland.camera import Camera, CameraParameters
+from shipland.compiled import say_that_it_compiles
 from shipland.cue import Cue
 from shipland.errors import DataError
-from shipland.machine_code import prepare_machine_code
 from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import Rig
 from shipland.vision.attitude import AttitudeTrack
@@ -195,7 +195,7 @@ class _VisionBySize:
         size = (picture.image.shape[1], picture.image.shape[0], std_rad)
         if size not in self._by_size:
             if not self._by_size:
-                prepare_machine_code()
+                say_that_it_compiles()
             camera = self._camera.for_pictures(picture.name, *size[:2])
             parameters = replace(self._parameters, gimbal_noise_rad=std_rad)
             self._by_size[size] = NearVision(self._cue, camera, parameters, fuse=True)
