@@ -27,7 +27,7 @@ from shipland.evaluation.envelope import (
 )
 from shipland.evaluation.suite import Overrides, SuiteEntry
 from shipland.evaluation.tally import Tally
-from shipland.report.envelope import NO_RELEASE, write_envelopes
+from shipland.report.envelope import NO_RELEASE, Panel, draw_envelopes, write_envelopes
 from shipland.scenario.scenario import load_scenario
 from shipland.stopping import check_stop
 
@@ -205,3 +205,13 @@ def test_a_wrong_grid_is_refused(wrong):
 def test_fewer_workers_than_none_are_refused():
     with pytest.raises(ConfigError, match="workers must be 0 or more"):
         fly_envelopes([base()], GRID, workers=-1)
+
+
+@pytest.mark.parametrize(
+    ("directions", "arcs"), [([0.0], 1), ([0.0, 90.0], 1), ([0.0, 180.0], 2), ([0.0, 120.0, 240.0], 3)]
+)
+def test_a_border_is_not_drawn_across_half_a_circle(directions, arcs):
+    cell = {"wind_kn": 10.0, "success": {"value": 1.0}, "rating": 1, "refused": 0, "flights": 6}
+    panel = Panel("", [{**cell, "off_bow_deg": at} for at in directions], dict.fromkeys(directions, (12.0, "")))
+    axes = draw_envelopes([panel], 0.9).axes[0]
+    assert len([line for line in axes.lines if line.get_linewidth() == 2.2]) == arcs
