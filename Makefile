@@ -42,7 +42,7 @@ demo: setup-run ## fly from 250 m to a ship in sea state 6, camera in the loop: 
 	$(BIN)/shipland demo $(ARGS)
 
 test: setup ## run the tests but the slow ones; ARGS='-k frames' for some of them
-	$(BIN)/pytest -n 4 --dist loadgroup --no-loadscope-reorder -p randomly -m 'not slow' $(ARGS)
+	$(BIN)/pytest -n 6 --dist loadgroup --no-loadscope-reorder -p randomly -m 'not slow' $(ARGS)
 
 test-slow: setup ## run the slow tests: whole processes, also before autopilots and Parrot's own end in real time, and studies
 	@$(MAKE) --no-print-directory olympe || echo "no .venv-olympe: the tests of the ANAFI before Olympe are skipped" >&2

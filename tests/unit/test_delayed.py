@@ -10,11 +10,15 @@ from shipland.estimation.relative_state import POSITION, STATES, VELOCITY, AxisM
 from shipland.estimation.waves import WaveMotion
 
 NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02)
-MODEL = Model(2, AxisModel(0.06, 0.4), NOISE, WaveMotion(1e-3, 1.8, 0.1))
 
 
-def _filter(model=MODEL):
-    return DelayedFilter(model, DelayedParameters(16.0, 40.0, 0.05, 0.5, 1.0, 0.0, 0.6), 0.02)
+def _model():
+    """Made where it is needed: it compiles."""
+    return Model(2, AxisModel(0.06, 0.4), NOISE, WaveMotion(1e-3, 1.8, 0.1))
+
+
+def _filter():
+    return DelayedFilter(_model(), DelayedParameters(16.0, 40.0, 0.05, 0.5, 1.0, 0.0, 0.6), 0.02)
 
 
 def test_inputs_are_averaged_over_their_times():
@@ -39,7 +43,7 @@ def test_inputs_of_long_flights_are_forgotten_and_still_right():
 def _truth(seconds, push=0.8):
     """Place and speed every 10 ms under a constant input from 1 s on."""
     state, rows = np.zeros(2 * STATES), []
-    transition, inputs, _ = MODEL.step(10)
+    transition, inputs, _ = _model().step(10)
     for k in range(round(seconds / 0.01) + 1):
         rows.append(state.copy())
         given = push if 0.01 * k >= 1.0 - 1e-9 else 0.0

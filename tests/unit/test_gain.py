@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,8 +13,12 @@ from shipland.estimation.relative_state import POSITION, STATES, AxisModel, Dist
 from shipland.estimation.waves import WaveMotion
 
 MOTION, NOISE = AxisModel(0.1, 0.4), Disturbances(0.3, 1.5, 1.0, 300.0, 0.1, 300.0, 1e-3)
-MODELS = {gain: Model(2, replace(MOTION, gain=gain), NOISE, WaveMotion(1e-3, 1.8, 0.1)) for gain in (0.8, 1.0, 1.25)}
 DELAYED = DelayedParameters(16.0, 40.0, 0.05, 0.5, 1.0, 0.0, 0.6)
+
+
+@cache  # not while tests are collected: it compiles
+def _model(gain):
+    return Model(2, replace(MOTION, gain=gain), NOISE, WaveMotion(1e-3, 1.8, 0.1))
 
 
 def _parameters(deviation=0.15, candidates=(0.8, 1.0, 1.25)):
@@ -30,8 +35,8 @@ def _flown(gain, parameters, seconds=15.0, blind_s=(0.0, 0.0), leap_m=0.0, seed=
     In between it may be blind, and come out of that elsewhere than its filter believes.
     """
     rng, inputs, bank = np.random.default_rng(seed), Inputs(2), GainBank(parameters)
-    follows = DelayedFilter(MODELS[1.0], DELAYED, 0.02)
-    transition, entry, _ = Model(2, MOTION, NOISE, WaveMotion(1e-3, 1.8, 0.1)).step(50)
+    follows = DelayedFilter(_model(1.0), DELAYED, 0.02)
+    transition, entry, _ = _model(1.0).step(50)
     state = np.zeros(2 * STATES)
     follows.start(0.0, state[POSITION::STATES], 1e-4 * np.eye(2), 0.1)
     for k in range(1, round(seconds / 0.05)):
@@ -42,7 +47,7 @@ def _flown(gain, parameters, seconds=15.0, blind_s=(0.0, 0.0), leap_m=0.0, seed=
         place_m = state[POSITION::STATES] + 0.005 * rng.standard_normal(2)
         place_m += leap_m if blind_s[1] <= 0.05 * k else 0.0
         news = (0.05 * k, place_m, 2.5e-5 * np.eye(2), inputs)
-        better = bank.update_pose(*news, 0.0, follows, [MODELS[gain] for gain in parameters.candidates])
+        better = bank.update_pose(*news, 0.0, follows, [_model(gain) for gain in parameters.candidates])
         follows = follows if better is None else better
         follows.update_pose(*news)
         if follows.refused >= 10:
@@ -55,7 +60,7 @@ def _flown(gain, parameters, seconds=15.0, blind_s=(0.0, 0.0), leap_m=0.0, seed=
 def test_it_finds_what_the_sticks_do(gain):
     found, follows = _flown(gain, _parameters())
     assert found == gain
-    assert follows.model is MODELS[gain]
+    assert follows.model is _model(gain)
 
 
 def test_a_response_a_little_off_is_kept():

@@ -1,6 +1,7 @@
 """The filters' compiled arithmetic against its textbook form in NumPy."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -33,7 +34,11 @@ from shipland.estimation.waves import WAVE_STATES, WaveMotion
 
 NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02)
 MOTION, SWING_OF_SHIP = AxisModel(0.06, 0.4), WaveMotion(0.12, 1.8, 0.1)
-MODEL = Model(2, MOTION, NOISE, SWING_OF_SHIP)
+
+
+@cache  # not while tests are collected: it compiles
+def _model():
+    return Model(2, MOTION, NOISE, SWING_OF_SHIP)
 
 
 def _spread(rng, size):
@@ -80,7 +85,7 @@ def test_a_mean_through_inputs_that_change(turn_rad_s):
         inputs.add(1.0 + 0.033 * k, rng.standard_normal(2))
     mean = expected = rng.standard_normal(2 * STATES)
     t_s = 1.02
-    (first, push, _), (last, last_push, _) = MODEL.step(80), MODEL.step(37)
+    (first, push, _), (last, last_push, _) = _model().step(80), _model().step(37)
     for transition, entry, step_s in ((first, push, 0.08), (first, push, 0.08), (last, last_push, 0.037)):
         expected = transition @ expected + entry @ mean_input(inputs.history, inputs.count, t_s, t_s + step_s)
         ahead, aside = expected[VELOCITY_BIAS], expected[STATES + VELOCITY_BIAS]
@@ -88,9 +93,9 @@ def test_a_mean_through_inputs_that_change(turn_rad_s):
         expected[[VELOCITY_BIAS, STATES + VELOCITY_BIAS]] += change
         expected[[VELOCITY, STATES + VELOCITY]] -= change
         t_s += step_s
-    covariance, (transition, _, noise) = _spread(rng, 2 * STATES), MODEL.step(197)
+    covariance, (transition, _, noise) = _spread(rng, 2 * STATES), _model().step(197)
     spread = transition @ covariance @ transition.T + noise
-    way = (1.02, 197, MODEL.steps, MODEL.shape, inputs.history, inputs.count, turn_rad_s)
+    way = (1.02, 197, _model().steps, _model().shape, inputs.history, inputs.count, turn_rad_s)
     propagate(mean, covariance, way, VELOCITY, VELOCITY_BIAS)
     np.testing.assert_allclose(mean, expected, atol=1e-12)
     np.testing.assert_allclose(covariance, spread, atol=1e-11)
@@ -130,8 +135,8 @@ def test_a_place_less_a_share_of_the_swing():
 
 @pytest.mark.parametrize("way_ms", [0, 33, 80, 160, 197])
 def test_a_step_of_the_model_is_that_of_its_axes(way_ms):
-    step = matrices_of(MODEL.steps, way_ms)
-    transition, push, noise = MODEL.step(way_ms)
+    step = matrices_of(_model().steps, way_ms)
+    transition, push, noise = _model().step(way_ms)
     np.testing.assert_array_equal(np.kron(np.eye(2), step[0]), transition)
     np.testing.assert_array_equal(np.kron(np.eye(2), step[1] + step[3]), noise)
     np.testing.assert_array_equal(np.kron(np.eye(2), step[2][:, :1]), push)
@@ -142,15 +147,15 @@ def test_a_step_of_the_model_is_that_of_its_axes(way_ms):
 
 def test_matrices_asked_for_again_after_others_are_the_same():
     asked_ms = [*range(1, 300), LONGEST_MS]
-    first = {step_ms: matrices_of(MODEL.steps, step_ms).copy() for step_ms in asked_ms}
+    first = {step_ms: matrices_of(_model().steps, step_ms).copy() for step_ms in asked_ms}
     for step_ms in asked_ms:
-        np.testing.assert_array_equal(matrices_of(MODEL.steps, step_ms), first[step_ms])
+        np.testing.assert_array_equal(matrices_of(_model().steps, step_ms), first[step_ms])
 
 
 @pytest.mark.parametrize("step_ms", [1, 33, 255, 1023])
 def test_a_step_made_of_shorter_ones_is_the_step(step_ms):
     transition, push, noise = discretised(*dynamics(MOTION, NOISE, SWING_OF_SHIP), 1e-3 * step_ms)
-    whole, inputs, spread = MODEL.step(step_ms)
+    whole, inputs, spread = _model().step(step_ms)
     for axis in range(2):
         rows = slice(STATES * axis, STATES * (axis + 1))
         np.testing.assert_allclose(whole[rows, rows], transition, atol=1e-11)

@@ -10,7 +10,7 @@ from shipland.estimation.delayed import DelayedFilter, DelayedParameters, Inputs
 from shipland.estimation.relative_state import POSITION, STATES, AxisModel, Disturbances, Model
 from shipland.estimation.waves import WaveMotion
 
-MODEL = Model(2, AxisModel(0.1, 0.4), Disturbances(0.02, 1.5, 0.02, 20.0, 0.1, 300.0, 1e-4), WaveMotion(1e-3, 1.8, 0.1))
+NOISE = Disturbances(0.02, 1.5, 0.02, 20.0, 0.1, 300.0, 1e-4)
 DELAYED = DelayedParameters(16.0, 40.0, 0.05, 0.5, 1.0, 0.0, 0.6)
 
 
@@ -25,8 +25,9 @@ def _push(t_s):
 def _bank(off_s, parameters, seconds=12.0):
     """A bank after an aircraft that is pushed to and fro has been seen in pictures stamped `off_s` too early."""
     rng, inputs, bank = np.random.default_rng(3), Inputs(2), LatencyBank(parameters)
-    follows = DelayedFilter(MODEL, DELAYED, 0.02)
-    transition, entry, _ = MODEL.step(10)
+    model = Model(2, AxisModel(0.1, 0.4), NOISE, WaveMotion(1e-3, 1.8, 0.1))
+    follows = DelayedFilter(model, DELAYED, 0.02)
+    transition, entry, _ = model.step(10)
     state, places = np.zeros(2 * STATES), []
     for k in range(round((seconds + 1.0) / 0.01)):
         places.append(state[POSITION::STATES].copy())
