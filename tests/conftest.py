@@ -72,9 +72,9 @@ def pytest_collection_modifyitems(items):
 def _group(nodeid):
     """Tests of one group stay with one worker.
 
-    Those in real time are two workers' from the beginning. A file of others stays with one worker, so that what it
-    makes once, for instance a flight, a drawn scene or an import, is not made once a worker. Whole flights are spread,
-    but for the file whose tests share one.
+    Those in real time, which mostly wait, are four workers' from the beginning. A file of others stays with one worker,
+    so that what it makes once, for instance a flight, a drawn scene or an import, is not made once a worker. Whole
+    flights are spread, but for the file whose tests share one.
     """
     path = Path(nodeid.partition("::")[0])
     if path.parent.name == REAL_TIME.name:

@@ -350,6 +350,21 @@ def test_the_status_light_shines_red_while_the_ship_waves_off_by_day_and_by_nigh
     scene.close()
 
 
+@pytest.mark.parametrize("elevation_deg", [1.0, -20.0])
+def test_lights_around_the_deck_shine_green_from_sunset_on(elevation_deg: float) -> None:
+    scene, state = scene_with(sun_elevation_deg=elevation_deg), look((-5.0, 0.3, -1.0), pitch_off_deg=-15.0)
+    side_m = 0.01 * RIG.deck_size_m
+    at_m = np.linspace(-0.5, 0.5, 4) * (RIG.deck_size_m - side_m)
+    lights_m = np.array([(x, y, -0.5 * side_m) for x in at_m for y in at_m if max(abs(x), abs(y)) == at_m[-1]])
+    lights_px = in_picture(state, CAMERA, (state.ned_from_bar.inverse() @ state.ned_from_deck).apply(lights_m))
+    image = scene.render(state, CAMERA).astype(int)
+    scene.close()
+    assert len(lights_px) == 12
+    for column, row in np.rint(lights_px).astype(int):
+        blue, green, red = image[row, column]
+        assert (green > 60 and green > 3 * max(blue, red)) == (elevation_deg < 0.0)
+
+
 @pytest.mark.parametrize("range_m", [3.0, 12.0, 60.0, 250.0])
 def test_labels_are_tight(scene: Scene, range_m: float) -> None:
     state = look((-range_m, 0.0, -0.02 * range_m), 2.0)

@@ -7,6 +7,7 @@ share of the sky's light that comes through. Triangles run counter-clockwise see
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +28,8 @@ BOARD: Colour = (0.13, 0.13, 0.13)
 METAL: Colour = (0.50, 0.51, 0.52)
 
 _DRAUGHT_M = 0.4
+_LIGHT, _LIGHTS_APART_M = 0.01, 3.0
+"""Side of a deck light, as a share of the deck's, and the most between two."""
 _FACES = ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0))
 
 
@@ -222,6 +225,24 @@ def deck(rig: Rig, parts: Layout) -> Mesh:
     """The motion deck, in `deck`; its upper face is at z = 0, and shaded as with the deck at rest."""
     around = [(parts.house, Pose.identity()), (parts.board, rig.ship_from_bar), (parts.hull, Pose.identity())]
     return shaded(box(parts.deck, GREY, {5: DECK}, cells={4: 4, 5: 8}), around)
+
+
+def deck_lights(rig: Rig) -> Mesh:
+    """The deck's perimeter lights, in `deck`: four or more a side, one in each corner, at most 3 m apart.
+
+    Source: IMO MODU Code 2009, 13.5.
+    """
+    size_m, count = _LIGHT * rig.deck_size_m, max(4, math.ceil(rig.deck_size_m / _LIGHTS_APART_M) + 1)
+    at_m = np.linspace(-0.5, 0.5, count) * (rig.deck_size_m - size_m)
+    low, high = at_m - 0.5 * size_m, at_m + 0.5 * size_m
+    ends = 0, count - 1
+    return np.concatenate(
+        [
+            box(Solid((low[row], low[column], -size_m), (high[row], high[column], 0.0)), GREY, skip=(4,))
+            for row, column in itertools.product(range(count), repeat=2)
+            if row in ends or column in ends
+        ]
+    )
 
 
 def board(parts: Layout) -> tuple[Mesh, Mesh]:

@@ -76,7 +76,8 @@ class Scene:
         self._context = gl.open_context()
         self._block = self._context.buffer(reserve=BLOCK_BYTES, dynamic=True)
         self._background = Background(self._context, self._waves, self._light, rng, p.wake)
-        self._ship = ShipLayer(self._context, rig, p.lamp * self._light.dimming, rng, aircraft_scale)
+        lamp, deck_lit = p.lamp * self._light.dimming, p.sun_elevation_deg < 0.0
+        self._ship = ShipLayer(self._context, rig, lamp, deck_lit, rng, aircraft_scale)
         self._spray = Spray(self._context, self._hull, p.spray, rng.spawn(1)[0]) if p.spray > 0.0 else None
         self._rain = Rain(p.rain_mm_h, rng) if p.rain_mm_h > 0.0 else None
         self._drops = LensDrops(p.lens_drops, rng) if p.lens_drops > 0.0 else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
@@ -47,11 +47,23 @@ class Placed:
 class ShipLayer:
     """Everything solid. The uniform block must be bound and written before a draw.
 
-    `lamp` is the luminous green of the cue, in radiance of sunlit white.
+    Args:
+        context: of the scene.
+        rig: dimensions.
+        lamp: the luminous green of the cue, in radiance of sunlit white.
+        deck_lit: the lights around the deck shine, as bright as the cue.
+        rng: of stains.
+        aircraft_scale: of the drawn aircraft.
     """
 
     def __init__(
-        self, context: moderngl.Context, rig: Rig, lamp: float, rng: np.random.Generator, aircraft_scale: float = 1.0
+        self,
+        context: moderngl.Context,
+        rig: Rig,
+        lamp: float,
+        deck_lit: bool,
+        rng: np.random.Generator,
+        aircraft_scale: float = 1.0,
     ) -> None:
         self._context, self._layout = context, layout(rig)
         self._aircraft_bounds = mesh.scaled(mesh.AIRCRAFT, aircraft_scale)
@@ -80,6 +92,7 @@ class ShipLayer:
         self._house = self._part(dry, DECK | BOARD | AIRCRAFT)
         self._house_foot = self._part(wet, DECK | BOARD | AIRCRAFT, afloat=True) if len(wet) else None
         self._deck = self._part(mesh.deck(rig, parts), HOUSE | BOARD | AIRCRAFT)
+        self._lights = self._lamps(mesh.deck_lights(rig), lamp) if deck_lit else None
         self._board = self._part(board, 0, ID_BAR)
         self._aircraft = self._part(mesh.quadrotor(aircraft_scale), HOUSE, ID_AIRCRAFT)
         veil = gl.program(context, "solid.vert", ("paint.glsl", "rotor.frag"), SHADOWS=HOUSE, WATER=0)
@@ -108,8 +121,18 @@ class ShipLayer:
 
     def _part_of(self, buffer: moderngl.Buffer, program: moderngl.Program, identity: int) -> _Part:
         lit = self._context.vertex_array(program, [(buffer, _FORMAT, *_NAMES)])
-        flat = self._context.vertex_array(self._flat_program, [(buffer, "3f 40x", "in_position")])
-        return _Part(lit, flat, identity)
+        return _Part(lit, self._shape(self._flat_program, buffer), identity)
+
+    def _lamps(self, vertices: Mesh, lamp: float) -> Placed:
+        """Green lights on the deck, to be placed with it."""
+        buffer = self._context.buffer(vertices.tobytes())
+        program = gl.program(self._context, "solid.vert", ("lamp.frag",), SHADOWS=0, WATER=0)
+        program["lamp_rgb"] = tuple(lamp * _LAMP_RGB)
+        part = _Part(self._shape(program, buffer), self._shape(self._flat_program, buffer), ID_SHIP)
+        return Placed(part, Pose.identity(), mesh.bounds(vertices))
+
+    def _shape(self, program: moderngl.Program, buffer: moderngl.Buffer) -> moderngl.VertexArray:
+        return self._context.vertex_array(program, [(buffer, "3f 40x", "in_position")])
 
     def casters(self, state: SceneState) -> list[tuple[Solid, Pose]]:
         """Boxes that throw shadows, with ned_from_box."""
@@ -130,6 +153,8 @@ class ShipLayer:
             Placed(self._board, state.ned_from_bar, parts.board),
             Placed(self._deck, state.ned_from_deck, parts.deck),
         ]
+        if self._lights is not None:
+            placed.append(replace(self._lights, ned_from_mesh=state.ned_from_deck))
         if self._legs is not None:
             ship_from_deck = state.ned_from_ship.inverse() @ state.ned_from_deck
             self._leg_buffer.write(mesh.legs(parts, ship_from_deck).tobytes())
