@@ -61,7 +61,7 @@ class Drone:
         self.node = Node(domain, local=True)
         self.topics = vehicle_topics("drone", {})
         self.armed = self.guided = self.connected = True
-        self.mode = "OFFBOARD"
+        self.mode = "GUIDED"
         self.silent = self.frozen = False
         self.stamp_off_s = stamp_off_s
         self.wanted = HOLD

@@ -1,5 +1,6 @@
 """The guard process of a MAVLink link: it holds the vehicle when our process hangs or dies, and only then."""
 
+import errno
 import math
 import os
 import signal
@@ -8,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from shipland.messages import PilotCommand  # noqa: E402
 from shipland.vehicles.mavlink.dialect import Codec  # noqa: E402
 from shipland.vehicles.mavlink.guard import Guard  # noqa: E402
 from shipland.vehicles.mavlink.guard_process import GuardedPort  # noqa: E402
+from shipland.vehicles.mavlink.ports import UdpPort  # noqa: E402
 from shipland.vehicles.mavlink.session import Session  # noqa: E402
 from waiting import until  # noqa: E402
 
@@ -472,6 +474,20 @@ def test_an_end_that_waits_to_be_spoken_to_hears_us_first() -> None:
             session.connect(0.5)
         (message,), _ = Codec(1, 1).decode_some(stated.recv(1000), stream=False)
         assert (message.get_type(), message.get_srcSystem()) == ("HEARTBEAT", 245)
+
+
+def test_a_router_that_rejects_a_datagram_does_not_end_the_link(monkeypatch: pytest.MonkeyPatch) -> None:
+    """ICMP's "administratively prohibited" is EHOSTUNREACH at the next receipt, which is no ConnectionError."""
+    port = UdpPort("127.0.0.1", free_port(socket.SOCK_DGRAM), listen=False)
+
+    class Rejected:
+        def recvfrom(self, _: int) -> tuple[bytes, Any]:
+            raise OSError(errno.EHOSTUNREACH, "No route to host")
+
+    with closing(port):
+        monkeypatch.setattr(port, "_end", Rejected())
+        assert port.receive() is None
+        monkeypatch.undo()
 
 
 @pytest.mark.parametrize("kind", ["udp", "tcp", "serial"])

@@ -873,6 +873,25 @@ def test_a_mode_that_a_person_chose_unheard_is_not_taken_away_by_our_end() -> No
         assert autopilot.report()["mode"] == 5
 
 
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_a_machine_that_is_suspended_while_it_waits_for_the_hand_over_does_not_take_it(
+    kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who has the vehicle when it wakes is not known."""
+    with bench(kind, engagement=Engagement()) as (vehicle, autopilot, _):
+        autopilot.say(f"mode {POSITION[kind][0]}")
+        vehicle.connect()
+        with opening(vehicle) as ended:
+            assert until(lambda: POSITION[kind][1] in vehicle.in_command)
+            for module in (pace, link_vehicle):
+                monkeypatch.setattr(module, "boot_s", lambda: time.monotonic() + 30.0)
+            assert "this machine was suspended for 30 s" in ended()
+        autopilot.say(f"mode {GUIDED[kind]}")
+        assert until(lambda: autopilot.report()["mode"] == GUIDED[kind])
+        vehicle.close()
+        assert autopilot.report()["mode"] == GUIDED[kind]
+
+
 @pytest.mark.parametrize(("mode", "left"), [(4, 17), (5, 5)])
 def test_no_mode_is_asked_for_before_a_heartbeat_after_the_machine_was_suspended(
     mode: int, left: int, monkeypatch: pytest.MonkeyPatch

@@ -35,6 +35,7 @@ from shipland.messages import (
     Telemetry,
 )
 from shipland.rig import Rig
+from shipland.vehicles import link_vehicle, pace
 from shipland.vehicles.ros2.conversions import gimbal_message, odometry_of
 from shipland.vehicles.ros2.dds import Node, Publisher, _quality
 from shipland.vehicles.ros2.image_messages import camera_info
@@ -83,21 +84,21 @@ def test_the_checklist_names_every_topic_and_finds_the_drone_fit() -> None:
 
 def test_nothing_is_commanded_before_the_drone_obeys_nor_after_it_does_not() -> None:
     with bench() as (vehicle, drone):
-        drone.guided = False
+        drone.mode = "POSCTL"
         vehicle.connect()
         vehicle.send(command())
-        assert "pilot (OFFBOARD)" in vehicle.in_command or until(lambda: "OFFBOARD" in vehicle.in_command)
+        assert until(lambda: "pilot (POSCTL)" in vehicle.in_command)
         assert drone.wanted.hold
-        drone.guided = True
+        drone.mode = "GUIDED"
         vehicle.open()
         vehicle.send(command())
         assert until(lambda: drone.wanted.forward > 0.0)
         assert vehicle.in_command == "shipland"
-        drone.guided = False
+        drone.mode = "POSCTL"
         assert until(lambda: bool(vehicle.end_reason))
-        assert vehicle.end_reason == "the pilot took over: OFFBOARD"
+        assert vehicle.end_reason == "the pilot took over: POSCTL"
         assert vehicle.read() is None
-        drone.guided = True  # it does not come back
+        drone.mode = "GUIDED"  # it does not come back
         assert vehicle.read() is None
         before, turns = Wanted(0.0, 0.0, 0.0, 0.0), len(vehicle.late_s)
         drone.wanted = before
@@ -106,7 +107,7 @@ def test_nothing_is_commanded_before_the_drone_obeys_nor_after_it_does_not() -> 
         assert drone.wanted is before  # no set-point in ten turns
 
 
-@pytest.mark.parametrize("mode", ["OFFBOARD", ""])
+@pytest.mark.parametrize("mode", ["GUIDED", ""])
 def test_a_mode_that_obeys_already_is_not_a_hand_over(mode: str) -> None:
     """As before an autopilot over MAVLink: it was set for somebody else."""
     with bench(take=False, engage_timeout_s=0.5) as (vehicle, drone):
@@ -118,13 +119,13 @@ def test_a_mode_that_obeys_already_is_not_a_hand_over(mode: str) -> None:
 def test_an_autopilot_that_the_bridge_finds_again_is_not_handed_over() -> None:
     with bench(take=False, engage_timeout_s=2.0) as (vehicle, drone):
         vehicle.connect()
-        assert until(lambda: vehicle.in_command == "the pilot (OFFBOARD)")
+        assert until(lambda: vehicle.in_command == "the pilot (GUIDED)")
 
         def lose_and_find() -> None:
             time.sleep(0.5)
             drone.connected, drone.guided, drone.mode = False, False, ""
             time.sleep(0.3)
-            drone.connected, drone.guided, drone.mode = True, True, "OFFBOARD"
+            drone.connected, drone.guided, drone.mode = True, True, "GUIDED"
 
         threading.Thread(target=lose_and_find).start()
         with pytest.raises(VehicleError, match="not given to us"):
@@ -136,9 +137,9 @@ def test_a_mode_that_is_chosen_once_we_wait_is_a_hand_over() -> None:
         vehicle.connect()
 
         def hands_over() -> None:
-            for guided in (False, True):
+            for mode in ("POSCTL", "GUIDED"):
                 time.sleep(0.3)
-                drone.guided = guided
+                drone.mode = mode
 
         chosen = threading.Thread(target=hands_over)
         chosen.start()
@@ -147,7 +148,19 @@ def test_a_mode_that_is_chosen_once_we_wait_is_a_hand_over() -> None:
         assert vehicle.in_command == "shipland"
 
 
-@pytest.mark.parametrize("mode", ["LOITER", "AUTO.RTL"])
+def test_a_px4_is_handed_over_in_offboard_to_fly_speeds_and_not_tilts() -> None:
+    """It sets MAV_MODE_FLAG_GUIDED_ENABLED, mavros's `guided`, in AUTO modes only; thrust is thrust to it, no climb."""
+    with bench() as (vehicle, drone):
+        drone.mode, drone.guided = "OFFBOARD", False
+        vehicle.open()
+        assert vehicle.in_command == "shipland"
+    with bench("&kind=attitude", engage_timeout_s=0.5) as (vehicle, drone):
+        drone.mode = "OFFBOARD"
+        with pytest.raises(VehicleError, match=r"switch to GUIDED to hand over \(it is OFFBOARD"):
+            vehicle.open()
+
+
+@pytest.mark.parametrize("mode", ["LOITER", "AUTO.RTL", "GUIDED_NOGPS"])
 def test_a_pilots_mode_that_mavros_calls_guided_is_a_takeover(mode: str) -> None:
     """An ArduPilot sets MAV_MODE_FLAG_GUIDED_ENABLED in LOITER, BRAKE and RTL, a PX4 in every AUTO."""
     with bench(engage_timeout_s=1.0) as (vehicle, drone):
@@ -160,6 +173,27 @@ def test_a_pilots_mode_that_mavros_calls_guided_is_a_takeover(mode: str) -> None
         assert vehicle.end_reason == f"the pilot took over: {mode}"
 
 
+def test_a_vehicle_that_is_given_after_the_machine_was_suspended_is_sent_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with bench(take=False) as (vehicle, drone):
+        vehicle.connect()
+        drone.mode = "POSCTL"
+
+        def sleeps_and_is_given() -> None:
+            time.sleep(0.5)
+            for module in (pace, link_vehicle):
+                monkeypatch.setattr(module, "boot_s", lambda: time.monotonic() + 30.0)
+            drone.mode = "GUIDED"
+
+        asleep = threading.Thread(target=sleeps_and_is_given)
+        asleep.start()
+        with pytest.raises(VehicleError, match="this machine was suspended for 30 s since it connected"):
+            vehicle.open()
+        asleep.join()
+        assert not drone.holds_s
+
+
 @pytest.mark.parametrize("how", ["taken over", "closed"])
 def test_motors_may_no_longer_stop_once_it_is_not_ours(how: str) -> None:
     with flying(intent=Intent.LAND) as (vehicle, drone):
@@ -167,13 +201,13 @@ def test_motors_may_no_longer_stop_once_it_is_not_ours(how: str) -> None:
         if how == "closed":
             vehicle.close()
         else:
-            drone.guided = False
+            drone.mode = "POSCTL"
         assert until(lambda: not drone.landing)
 
 
 def test_odometry_that_comes_late_is_old_and_another_clocks_is_not() -> None:
     told = Telemetry(0.0, 0.0, 0.0, 0.0, 5.0, np.zeros(3), None, None, flying=True)
-    synchronised, foreign = Heard(), Heard()
+    synchronised, foreign = Heard("velocity"), Heard("velocity")
     synchronised.take_odometry(odometry_of(told, time.time() - 0.1))
     for heard, age_s in ((synchronised, 1.5), (foreign, 0.0)):
         heard.take_odometry(odometry_of(told, time.time() - 1.5))
@@ -181,7 +215,7 @@ def test_odometry_that_comes_late_is_old_and_another_clocks_is_not() -> None:
 
 
 def test_a_camera_that_looks_aside_says_so() -> None:
-    heard = Heard()
+    heard = Heard("velocity")
     heard.take_gimbal(gimbal_message(GimbalAttitude(0.1, -0.2, 0.5), time.time()))
     at, _ = heard.gimbal_at(time.monotonic(), None)
     assert (at.roll_rad, at.pitch_rad, at.yaw_rad) == pytest.approx((0.1, -0.2, 0.5))
@@ -337,7 +371,7 @@ def test_a_call_is_answered_where_connecting_fails() -> None:
 
         connecting = threading.Thread(target=connect, daemon=True)
         connecting.start()
-        assert until(lambda: land.heard and vehicle._telling and vehicle._telling._result.heard)
+        assert until(lambda: land.heard and vehicle._telling._result.heard)
         ask(land)
         connecting.join(20.0)
         assert "camera_info has not come" in failed[0]
@@ -525,12 +559,12 @@ def test_looking_without_flying_commands_nothing() -> None:
         assert vehicle.read() is None
 
 
-def test_messages_that_are_none_are_counted_and_the_next_is_heard() -> None:
+def test_messages_that_are_none_are_counted_and_said_and_the_next_is_heard(caplog: pytest.LogCaptureFixture) -> None:
     domain, got = own_domain(), list[float]()
 
     def take(told: Any) -> None:
         if math.isnan(told.data):
-            raise ValueError
+            raise ValueError("no number")
         got.append(told.data)
 
     with closing(Node(domain, local=True)) as one, closing(Node(domain, local=True)) as other:
@@ -541,6 +575,8 @@ def test_messages_that_are_none_are_counted_and_the_next_is_heard() -> None:
         out.send(message("std_msgs/msg/Float64", data=2.0))
         assert until(lambda: got == [2.0])
         assert other.malformed == 1
+        assert "a message was not taken: std_msgs/msg/Float64" in caplog.text
+        assert "no number" in caplog.text
 
 
 @pytest.mark.slow

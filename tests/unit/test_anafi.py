@@ -380,7 +380,9 @@ LINES = [
 ]  # fmt: skip
 
 
-def test_malformed_records_are_refused_and_counted_and_the_flight_goes_on(tmp_path: Path) -> None:
+def test_malformed_records_are_refused_and_counted_and_the_flight_goes_on(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     with vehicle(tmp_path) as (flown, _):
         flown.open()
         before = flown.refused
@@ -393,6 +395,7 @@ def test_malformed_records_are_refused_and_counted_and_the_flight_goes_on(tmp_pa
         assert fly_until(flown, lambda: flown._telemetry.battery_percent == 55.0)
         assert not flown.end_reason
         assert flown.checks()
+        assert "a record of the ANAFI's process was refused" in caplog.text
 
 
 def test_the_gimbals_age_is_told_with_every_picture(tmp_path: Path) -> None:

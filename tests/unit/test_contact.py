@@ -15,6 +15,7 @@ from shipland.guidance.response import Response
 from shipland.messages import Intent, PilotCommand
 from shipland.vehicles.mavlink.motors import MotorStop
 from shipland.vehicles.mavlink.parameters import MavlinkParameters
+from shipland.vehicles.mavlink.session import FORCE
 from shipland.vehicles.mavlink.state import AutopilotState
 from shipland.vehicles.touchdown import ContactSignals, GroundContact, TouchdownParameters, TouchdownWatch
 from shipland.vehicles.wanted import pressed
@@ -219,20 +220,18 @@ RESPONSE = packaged_toml("vehicles")["response"]["attitude"] | {
 
 def session_into(sent: list[int]) -> Any:
     """A session whose commands are kept by their numbers."""
-    return SimpleNamespace(command=lambda number, *_: sent.append(number))
+    return SimpleNamespace(command=lambda number, *_: sent.append(number) is None)
 
 
-@pytest.mark.parametrize(
-    ("asked_s", "heartbeat_s", "stopped"),
-    [(99.5, 99.9, True), (98.0, 99.9, False), (math.nan, 99.9, False), (99.5, 99.6, False)],
-)
-def test_motors_stop_only_where_link_and_mode_are_known(asked_s, heartbeat_s, stopped, monkeypatch) -> None:
-    sent: list[int] = []
-    motors = MotorStop(session_into(sent), MavlinkParameters(), LIMITS, HOVER)
+def test_a_disarm_that_may_not_be_asked_for_yet_is_no_reason_to_force_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The session asks for none where link and mode are not known."""
+    may, asked = iter((False, True, True)), list[float]()
+    session: Any = SimpleNamespace(command=lambda _number, _arm, force: asked.append(force) is None and next(may))
+    motors = MotorStop(session, MavlinkParameters(), LIMITS, HOVER)
     monkeypatch.setattr(motors, "_watch", SimpleNamespace(see=lambda _: GroundContact.STANDS))
-    state = AutopilotState(armed=True, heartbeat_s=heartbeat_s, asked_s=asked_s)
-    motors.look(None, state, 100.0)
-    assert bool(sent) == stopped
+    for t_s in (100.0, 100.02, 100.04, 101.0):
+        motors.look(None, AutopilotState(armed=True), t_s)
+    assert asked == [0, 0, FORCE]
 
 
 @pytest.mark.parametrize(("flown_percent", "stops"), [(39.0, True), (0.0, False)])

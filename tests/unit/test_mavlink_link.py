@@ -193,16 +193,20 @@ def test_answers_to_another_ground_station_are_not_ours() -> None:
 def test_no_mode_is_asked_for_while_the_present_one_is_not_known(
     age_s: float, lag_s: float, asked: int, handed: int
 ) -> None:
-    """A heartbeat that is old, or came over a link that lags, may hide a person's mode; at the sticks it is deaf."""
+    """A heartbeat that is old, or came over a link that lags, may hide a person's mode; at the sticks it is deaf.
+
+    Nor are motors started or stopped, or a take-off asked for.
+    """
     made, port = session()
     now_s = time.monotonic()
     feed(made, heartbeat(), now_s - age_s)
+    assert not made.command(m.MAV_CMD_DO_SET_MODE, 1, 5)  # how much the link lags is not known yet
     feed(made, m.MAVLink_timesync_message(5, int(1e9 * (now_s - 0.01 - lag_s))), now_s)
-    assert made.command(m.MAV_CMD_DO_SET_MODE, 1, 5) == bool(asked)
+    for number in (m.MAV_CMD_DO_SET_MODE, m.MAV_CMD_COMPONENT_ARM_DISARM, m.MAV_CMD_NAV_TAKEOFF):
+        assert made.command(number, 1, 5) == bool(asked)
     assert made.hand_over(0) == bool(handed)
-    assert len(port.sent) == asked + handed
-    made.command(m.MAV_CMD_COMPONENT_ARM_DISARM, 1)
-    assert len(port.sent) == asked + handed + 1
+    assert len(port.sent) == 3 * asked + handed
+    assert made.command(m.MAV_CMD_SET_MESSAGE_INTERVAL, 30, 20000)
 
 
 class StalledDisk(io.BytesIO):
@@ -530,7 +534,7 @@ def test_ports_and_keys(tmp_path: Path) -> None:
     server = socket.create_server(("127.0.0.1", 0))
     with server, closing(Place.of("tcp:127.0.0.1:{1}".format(*server.getsockname())).open()) as port:
         # what waits for an end that does not answer is given up: a command must not come late
-        assert 0 < port._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) <= 3000
+        assert 0 < port._end.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) <= 3000
     secret = tmp_path / "key"
     secret.write_text("correct horse\n")
     assert len(read_key(secret)) == 32

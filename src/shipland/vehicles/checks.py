@@ -37,12 +37,10 @@ class Check:
 class PreflightParameters:
     """`[preflight]`."""
 
-    picture_hz: float = key(10.0, "least rate of pictures", "least rate of pictures", ge=1, le=240)
+    picture_hz: float = key(10.0, "least rate of pictures", ge=1, le=240)
     picture_age_s: float = key(0.6, "largest: stated latency and time behind the quickest picture", ge=0.01, le=3)
-    telemetry_hz: float = key(8.0, "least rate of attitudes", "least rate of attitude", ge=1, le=400)
-    round_trip_s: float = key(
-        0.3, "largest time of a message there and back", "largest round trip of a message", ge=0.01, le=3
-    )
+    telemetry_hz: float = key(8.0, "least rate of attitudes", ge=1, le=400)
+    round_trip_s: float = key(0.3, "largest time of a message there and back", ge=0.01, le=3)
     battery_percent: float = key(40.0, "least charge", ge=1, le=100)
     wind_share: float = key(0.6, "largest wind, as a share of what full tilt holds against", ge=0.01, le=1)
 

@@ -144,7 +144,8 @@ class SetpointVehicle(LinkVehicle):
         self._tick(step_s)
 
     def _begin(self) -> None:
-        """The flight begins."""
+        """The flight begins; VehicleError where the machine was suspended while it was waited for."""
+        self._refuse_if_suspended()
         self._pictured_s, self._engaged = time.monotonic(), True
 
     def _end(self, reason: str) -> None:

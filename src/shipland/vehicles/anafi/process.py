@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import subprocess
 import threading
 import time
@@ -13,6 +14,9 @@ from typing import Any
 
 from shipland.aside import LogAside
 from shipland.errors import VehicleError
+from shipland.soundness import is_new, words_of
+
+_log = logging.getLogger(__name__)
 
 _GOODBYE_S = 4.0
 """Time for the process to release the sticks and to disconnect."""
@@ -42,7 +46,13 @@ class AnafiProcess:
         log: Path | None,
     ) -> None:
         self._on_record, self._on_end = on_record, on_end
-        self._log = _opened(log)
+        self._log: LogAside[str] | None = None
+        if log is not None:
+            try:
+                log.parent.mkdir(parents=True, exist_ok=True)
+                self._log = LogAside(log.open("w", buffering=1, encoding="utf-8"), "anafi-log")
+            except OSError as error:
+                raise VehicleError(f"message log {log} cannot be written: {error.strerror}") from None
         self.refused = 0
         """Records that could not be used."""
         try:
@@ -79,6 +89,7 @@ class AnafiProcess:
 
     def _listen(self) -> None:
         assert self._process.stdout is not None
+        known = set[type[BaseException]]()
         with suppress(OSError, ValueError), self._process.stdout as stream:
             while line := stream.readline(_LONGEST_LINE):
                 try:
@@ -89,20 +100,12 @@ class AnafiProcess:
                     data = stream.read(size)
                     self._note("from", record)
                     self._on_record(record, data)
-                except Exception:  # a record may hold anything, and the next one must be heard
+                except Exception as error:  # a record may hold anything, and the next one must be heard
                     self.refused += 1
+                    if is_new(error, known):
+                        _log.warning("a record of the ANAFI's process was refused: %r: %s", line[:80], words_of(error))
         self._on_end()
 
     def _note(self, direction: str, record: Mapping[str, Any]) -> None:
         if self._log is not None:
             self._log.give(json.dumps({"at_s": round(time.monotonic(), 4), direction: record}) + "\n")
-
-
-def _opened(log: Path | None) -> LogAside[str] | None:
-    if log is None:
-        return None
-    try:
-        log.parent.mkdir(parents=True, exist_ok=True)
-        return LogAside(log.open("w", buffering=1, encoding="utf-8"), "anafi-log")
-    except OSError as error:
-        raise VehicleError(f"message log {log} cannot be written: {error.strerror}") from None

@@ -19,12 +19,12 @@ from shipland.errors import VehicleError
 from shipland.guidance.response import Response
 from shipland.messages import Frame, Intent, PilotCommand, Telemetry
 from shipland.vehicles.address import VehicleSetup
-from shipland.vehicles.anafi.checks import AnafiState, anafi_checks
+from shipland.vehicles.anafi.checks import Limits, age_check, fence_check, limits_check
 from shipland.vehicles.anafi.process import AnafiProcess
 from shipland.vehicles.anafi.records import finite, gimbal_of, merged, sticks_of, with_metadata
 from shipland.vehicles.anafi.setup import AnafiSetup
 from shipland.vehicles.camera_stream import ExposureClock, StreamedPicture, wrong_size
-from shipland.vehicles.checks import Check, rate_hz
+from shipland.vehicles.checks import Check, battery_check, rate_hz, telemetry_check
 from shipland.vehicles.gimbal import Reading, gimbal_at
 from shipland.vehicles.link_vehicle import LinkVehicle
 from shipland.vehicles.touchdown import MOTORS_STOPPED, motors_stopped
@@ -54,7 +54,7 @@ class AnafiVehicle(LinkVehicle):
         self._changed = threading.Condition()
         self._telemetry = Telemetry(0.0)
         self._gimbals: deque[Reading] = deque(maxlen=_READINGS)
-        self._limits: Mapping[str, float | None] | None = None
+        self._limits: Limits | None = None
         self._shot: StreamedPicture | None = None
         self._clock = ExposureClock(self._parameters.latency_s)
         self._pictures: deque[float] = deque(maxlen=300)
@@ -164,15 +164,17 @@ class AnafiVehicle(LinkVehicle):
 
     def checks(self) -> list[Check]:
         """What of it is fit to fly; once connected."""
-        state = AnafiState(
-            limits=self._limits or {},
-            battery_percent=self._telemetry.battery_percent,
-            picture_hz=rate_hz(list(self._pictures)),
-            late_s=sorted(self._late)[int(0.95 * (len(self._late) - 1))] if self._late else math.nan,
-            telemetry_hz=rate_hz(list(self._attitudes)),
-            problem=self._problem,
-        )
-        return anafi_checks(state, self._parameters, self._setup.preflight)
+        limits, wanted = self._limits or {}, self._setup.preflight
+        late_s, picture_hz = sorted(self._late) or [math.nan], rate_hz(list(self._pictures))
+        pictures = self._problem or f"{picture_hz:.0f} Hz, at least {wanted.picture_hz:g}"
+        return [
+            limits_check(limits, self._parameters),
+            telemetry_check(rate_hz(list(self._attitudes)), wanted.telemetry_hz),
+            Check("pictures", not self._problem and picture_hz >= wanted.picture_hz, pictures),
+            age_check(self._parameters.latency_s, late_s[int(0.95 * (len(late_s) - 1))], wanted.picture_age_s),
+            fence_check(limits),
+            battery_check(self._telemetry.battery_percent, wanted.battery_percent),
+        ]
 
     def _has_news(self) -> bool:
         news = self._shot is not None and self._shot.exposed_s > self._given_s

@@ -8,7 +8,7 @@ import time
 from shipland.guidance.response import Response
 from shipland.vehicles.camera_stream import CameraStream
 from shipland.vehicles.checks import Check, battery_check, limits_text, rate_hz, telemetry_check
-from shipland.vehicles.mavlink.dialect import dialect
+from shipland.vehicles.mavlink.dialect import AUTOPILOT, dialect
 from shipland.vehicles.mavlink.modes import mode_name, obeys_us
 from shipland.vehicles.mavlink.parameters import VehicleLimits
 from shipland.vehicles.mavlink.session import Session
@@ -102,23 +102,23 @@ def _messages(session: Session) -> Check:
 
 def _others(session: Session, setup: MavlinkSetup) -> list[Check]:
     """Whoever else is heard and makes it doubtful which vehicle is flown, or by whom."""
-    link, lines = session.link, list[Check]()
-    vehicles = sorted(system for system, component in link.others if component == dialect.MAV_COMP_ID_AUTOPILOT1)
+    link, found = session.link, list[tuple[str, str]]()
+    others = set(link.others)  # the receiving thread adds to them
+    vehicles = sorted(system for system, component in others if component == AUTOPILOT)
     if link.vehicle in vehicles:
         words = f"system {link.vehicle} speaks from two addresses: two vehicles, or one by two ways; let one come here"
-        lines.append(Check("one vehicle", False, words))
+        found.append(("one vehicle", words))
     elif vehicles and setup.vehicle is None:
         words = ", ".join(map(str, vehicles))
-        words = f"also heard: system {words}; which is flown is left to chance: state ?system="
-        lines.append(Check("one vehicle", False, words))
+        found.append(("one vehicle", f"also heard: system {words}; which is flown is left to chance: state ?system="))
     if session.state.clock.restarts:
         words = "the autopilot's clock went back: it has restarted, or two vehicles speak with the same system id"
-        lines.append(Check("one vehicle", False, words))
-    if link.own in link.others:
+        found.append(("one vehicle", words))
+    if link.own in others:
         system, component = link.own
         words = f"another program speaks as system {system}, component {component}: a second shipland on this vehicle?"
-        lines.append(Check("one shipland", False, words))
-    return lines
+        found.append(("one shipland", words))
+    return [Check(name, False, words) for name, words in found]
 
 
 def _health(state: AutopilotState, now_s: float) -> Check:

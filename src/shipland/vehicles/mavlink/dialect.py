@@ -15,15 +15,11 @@ dialect: Any = ardupilotmega
 """Generated classes and constants, without types."""
 Message = Any
 """A decoded message of the dialect."""
+AUTOPILOT: int = dialect.MAV_COMP_ID_AUTOPILOT1
+"""Component id of the autopilot, which set-points and commands are for."""
 
-_RADIO_STATUS = 109
-"""Made by the telemetry radio itself, which knows no key."""
 _SIGNING_EPOCH_S = 1420070400.0
 """1 January 2015: MAVLink signing counts 10 µs steps since then."""
-
-
-def _signing_stamp() -> int:
-    return int((time.time() - _SIGNING_EPOCH_S) * 1e5)
 
 
 class Codec(dialect.MAVLink):  # type: ignore[misc] # untyped library
@@ -44,7 +40,8 @@ class Codec(dialect.MAVLink):  # type: ignore[misc] # untyped library
         if key is not None:
             signing = self.signing
             signing.secret_key, signing.sign_outgoing, signing.link_id = key, True, link
-            signing.allow_unsigned_callback = lambda _codec, message_id: message_id == _RADIO_STATUS
+            # a telemetry radio knows no key
+            signing.allow_unsigned_callback = lambda _codec, number: number == dialect.MAVLINK_MSG_ID_RADIO_STATUS
 
     def check_signature(self, msgbuf: bytearray, srcSystem: int, srcComponent: int) -> bool:  # noqa: N803
         """Whether a message is signed with our key and newer than the last."""
@@ -61,7 +58,7 @@ class Codec(dialect.MAVLink):  # type: ignore[misc] # untyped library
 
         Its signature is stamped with now: an autopilot refuses a stream that begins a minute behind its own clock.
         """
-        self.signing.timestamp = max(self.signing.timestamp, _signing_stamp())
+        self.signing.timestamp = max(self.signing.timestamp, int((time.time() - _SIGNING_EPOCH_S) * 1e5))
         data = bytes(message.pack(self))
         self.seq = (self.seq + 1) % 256
         return data

@@ -9,7 +9,7 @@ import json
 import math
 from dataclasses import asdict, dataclass
 
-from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
+from shipland.vehicles.mavlink.dialect import AUTOPILOT, Codec, Message, dialect
 
 _SET_POINTS = ("SET_ATTITUDE_TARGET", "SET_POSITION_TARGET_LOCAL_NED")
 _BEAT_S = 1.0
@@ -124,7 +124,7 @@ class Guard:
         """
         for message in self._codec.decode_some(data, self._stream)[0]:
             sender = message.get_srcSystem(), message.get_srcComponent()
-            if sender != (self._orders.vehicle, dialect.MAV_COMP_ID_AUTOPILOT1):
+            if sender != (self._orders.vehicle, AUTOPILOT):
                 continue
             if message.get_type() == "TIMESYNC" and message.tc1 > 0 and 1e-9 * message.ts1 <= now_s:
                 self._answered_s = max(self._answered_s, 1e-9 * message.ts1)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, BinaryIO
 from shipland.aside import LogAside
 from shipland.errors import ConfigError
 from shipland.soundness import log_failure
-from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
+from shipland.vehicles.mavlink.dialect import AUTOPILOT, Codec, Message, dialect
 
 if TYPE_CHECKING:
     from shipland.vehicles.mavlink.guard_process import GuardedPort
@@ -70,19 +70,15 @@ class MavlinkLink:
         self._codec = Codec(system, component, key, link=component)
         self._lock = threading.Lock()
         self._peer: object = None
-        self._vehicle: int | None = None
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._receive, name="mavlink-receive", daemon=True)
         self._known = set[type[BaseException]]()
         self.counts = LinkCounts()
         """What came and what was refused."""
+        self.vehicle = 0
+        """System id of the vehicle; 0 before it is heard."""
         self.others: set[tuple[int, int]] = set()
         """System and component ids of everybody else whose heartbeat was heard."""
-
-    @property
-    def vehicle(self) -> int:
-        """System id of the vehicle; 0 before it is heard."""
-        return self._vehicle or 0
 
     @property
     def own(self) -> tuple[int, int]:
@@ -132,12 +128,13 @@ class MavlinkLink:
         """
         system, component = message.get_srcSystem(), message.get_srcComponent()
         if self._peer is None:
-            wanted = self._vehicle or self._wanted
-            autopilot = message.get_type() == "HEARTBEAT" and component == dialect.MAV_COMP_ID_AUTOPILOT1
-            if not autopilot or message.autopilot == dialect.MAV_AUTOPILOT_INVALID or wanted not in (None, system):
+            autopilot = message.get_type() == "HEARTBEAT" and component == AUTOPILOT
+            if not autopilot or message.autopilot == dialect.MAV_AUTOPILOT_INVALID:
                 return False
-            self._peer, self._vehicle = sender, system
-        return sender == self._peer and (system == self._vehicle or message.get_type() == "RADIO_STATUS")
+            if self._wanted not in (None, system):
+                return False
+            self._peer, self.vehicle = sender, system
+        return sender == self._peer and (system == self.vehicle or message.get_type() == "RADIO_STATUS")
 
     def _hand_on(self, message: Message, received_s: float) -> None:
         self._write(bytes(message.get_msgbuf()))

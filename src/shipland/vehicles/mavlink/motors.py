@@ -6,7 +6,6 @@ import math
 
 from shipland.messages import Intent, PilotCommand
 from shipland.vehicles.mavlink.dialect import dialect
-from shipland.vehicles.mavlink.modes import mode_known
 from shipland.vehicles.mavlink.parameters import MavlinkParameters
 from shipland.vehicles.mavlink.session import FORCE, Session
 from shipland.vehicles.mavlink.state import AutopilotState
@@ -42,9 +41,7 @@ class MotorStop:
             range_m=state.range_m if now_s - state.range_t_s <= _RANGE_S else None,
         )
         contact = self._watch.see(touch)
-        # otherwise it may have been taken over, and off the deck, since
-        known = mode_known(state, now_s)
-        if contact is GroundContact.STANDS and state.armed and known:
+        if contact is GroundContact.STANDS and state.armed:
             self._disarm(state, now_s)
         elif contact is GroundContact.NONE:
             self._asked = 0  # it was no touchdown: the next disarm request is an ordinary one again
@@ -56,6 +53,6 @@ class MotorStop:
         denied = self._asked == 1 and state.denied(number, self._answers)
         if self._asked > 0 and not denied and now_s - self._asked_s < self._parameters.disarm_retry_s:
             return
-        self._asked_s, self._answers = now_s, state.answers(number)
-        self._asked += 1
-        self._session.command(number, 0, FORCE if self._asked > 1 and self._parameters.force_disarm else 0)
+        if self._session.command(number, 0, FORCE if self._asked > 0 and self._parameters.force_disarm else 0):
+            self._asked_s, self._answers = now_s, state.answers(number)
+            self._asked += 1

@@ -97,10 +97,7 @@ _OTHER_ACTIONS = {
     0: "waits for sticks that it does not obey", 1: "waits for sticks that it does not obey",
     2: "obeys the sticks alone", 3: "returns", 4: "lands", 6: "stops its motors", 7: "stops its motors",
 }  # fmt: skip
-_PX4_FENCE = {
-    0: "off: set GF_ACTION to 2, 3 or 5", 1: "only warns: set GF_ACTION to 2, 3 or 5",
-    4: "stops the motors in the air: set GF_ACTION to 2, 3 or 5",
-}  # fmt: skip
+_PX4_NO_FENCES = {0: "off", 1: "only warns", 4: "stops the motors in the air"}
 """GF_ACTION, where that is no fence that keeps the vehicle flying."""
 
 _OPTICAL_FLOW = 5
@@ -166,13 +163,14 @@ class VehicleLimits:
                 "try again where the link loses messages, and see that the firmware has them"
             )
         if autopilot == PX4:
+            no_fence = _PX4_NO_FENCES.get(int(values.get("GF_ACTION", 0.0)))
             return VehicleLimits(
                 tilt_rad=math.radians(values["MPC_TILTMAX_AIR"]),
                 speed_mps=values["MPC_XY_VEL_MAX"],
                 up_mps=values["MPC_Z_VEL_MAX_UP"],
                 down_mps=values["MPC_Z_VEL_MAX_DN"],
                 hover_throttle=values.get("MPC_THR_HOVER"),
-                fence_problem=_PX4_FENCE.get(int(values.get("GF_ACTION", 0.0)), ""),
+                fence_problem=f"{no_fence}: set GF_ACTION to 2, 3 or 5" if no_fence else "",
                 hold_after_s=values.get("COM_OF_LOSS_T", math.nan),
                 hold_problem=_hold_problem(values.get("COM_OBL_RC_ACT"), _HOLDING_ACTIONS),
                 hold_problem_alone=_hold_problem(values.get("COM_OBL_RC_ACT"), _HOLDING_ALONE),

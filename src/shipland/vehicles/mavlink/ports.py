@@ -40,77 +40,79 @@ class Port(Protocol):
         """Let go."""
 
 
-class _SocketPort:
-    _socket: socket.socket
+class _EndPort:
+    _end: Any
+    """A socket, or a serial line."""
 
     def fileno(self) -> int:
         """See `Port`."""
-        return self._socket.fileno()
+        return int(self._end.fileno())
 
     def close(self) -> None:
         """See `Port`."""
-        self._socket.close()
+        self._end.close()
 
 
-class UdpPort(_SocketPort):
+class UdpPort(_EndPort):
     """UDP; `listen` binds the address and hears anyone, otherwise the address is the only one that is heard."""
 
     stream = False
 
     def __init__(self, host: str, port: int, listen: bool) -> None:
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._end = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._listens = listen
         try:
-            self._socket.bind((host, port)) if listen else self._socket.connect((host, port))
+            self._end.bind((host, port)) if listen else self._end.connect((host, port))
         except OSError as error:
-            self._socket.close()
+            self._end.close()
             verb = "listen on" if listen else "send to"
             raise VehicleError(f"cannot {verb} {host}:{port}: {error.strerror}") from None
-        self._socket.setblocking(False)
+        self._end.setblocking(False)
 
     def receive(self) -> tuple[bytes, Sender] | None:
         """See `Port`."""
-        with contextlib.suppress(BlockingIOError, ConnectionError):  # refused: no listener yet
-            return self._socket.recvfrom(_RECEIVE_BYTES)
+        with contextlib.suppress(OSError):  # refused or unreachable, for now
+            data, sender = self._end.recvfrom(_RECEIVE_BYTES)
+            return data, sender
         return None
 
     def send(self, data: bytes, to: Sender | None) -> None:
         """See `Port`."""
         if not self._listens:
-            self._socket.send(data)
+            self._end.send(data)
         elif to is not None:
-            self._socket.sendto(data, to)
+            self._end.sendto(data, to)
 
 
-class TcpPort(_SocketPort):
+class TcpPort(_EndPort):
     """TCP to a listening autopilot or bridge."""
 
     stream = True
 
     def __init__(self, host: str, port: int) -> None:
         try:
-            self._socket = socket.create_connection((host, port), _CONNECT_S)
+            self._end = socket.create_connection((host, port), _CONNECT_S)
         except OSError as error:
             raise VehicleError(f"cannot connect to {host}:{port}: {error.strerror or error}") from None
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNHEARD_MS)
-        self._socket.settimeout(_SEND_S)
+        self._end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._end.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNHEARD_MS)
+        self._end.settimeout(_SEND_S)
         self._sender = (host, port)
 
     def receive(self) -> tuple[bytes, Sender] | None:
         """See `Port`."""
         with contextlib.suppress(TimeoutError):
-            if data := self._socket.recv(_RECEIVE_BYTES):
+            if data := self._end.recv(_RECEIVE_BYTES):
                 return data, self._sender
             raise ConnectionResetError("the other end is closed")
         return None
 
     def send(self, data: bytes, to: Sender | None) -> None:  # noqa: ARG002 - one fixed end
         """See `Port`."""
-        self._socket.sendall(data)
+        self._end.sendall(data)
 
 
-class SerialPort:
+class SerialPort(_EndPort):
     """A serial line; needs pyserial."""
 
     stream = True
@@ -120,27 +122,19 @@ class SerialPort:
         import serial
 
         try:
-            self._port: Any = serial.Serial(device, baud, timeout=0, write_timeout=_SEND_S)
+            self._end = serial.Serial(device, baud, timeout=0, write_timeout=_SEND_S)
         except (OSError, ValueError) as error:
             raise VehicleError(f"serial port {device} cannot be opened: {error}") from None
         self._sender = (device, baud)
 
-    def fileno(self) -> int:
-        """See `Port`."""
-        return int(self._port.fileno())
-
     def receive(self) -> tuple[bytes, Sender] | None:
         """See `Port`."""
-        data = self._port.read(_RECEIVE_BYTES)
+        data = self._end.read(_RECEIVE_BYTES)
         return (data, self._sender) if data else None
 
     def send(self, data: bytes, to: Sender | None) -> None:  # noqa: ARG002 - one fixed end
         """See `Port`."""
-        self._port.write(data)
-
-    def close(self) -> None:
-        """See `Port`."""
-        self._port.close()
+        self._end.write(data)
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, BinaryIO
 from shipland.errors import VehicleError
 from shipland.stopping import check_stop, sleep_or_stop
 from shipland.vehicles.gimbal import Reading
-from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
+from shipland.vehicles.mavlink.dialect import AUTOPILOT, Codec, Message, dialect
 from shipland.vehicles.mavlink.guard import Orders
 from shipland.vehicles.mavlink.link import LinkCounts, MavlinkLink
 from shipland.vehicles.mavlink.modes import GUIDED, GUIDED_NOGPS, PX4_OFFBOARD, mode_known, mode_shown, modes_of
-from shipland.vehicles.mavlink.setpoints import AUTOPILOT, level_message, velocity_message
+from shipland.vehicles.mavlink.setpoints import level_message, velocity_message
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState, absorb
 from shipland.vehicles.waiting import wait_until
 from shipland.vehicles.wanted import HOLD
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 FORCE = 21196
 """Second parameter of a disarm command that is obeyed in the air."""
 _SET_MODE = dialect.MAV_CMD_DO_SET_MODE
+_IN_OUR_MODE = {_SET_MODE, dialect.MAV_CMD_COMPONENT_ARM_DISARM, dialect.MAV_CMD_NAV_TAKEOFF}
+"""Commands that are not sent where the mode may be a person's by now."""
 _STREAMS_HZ = {
     "HEARTBEAT": 10, "ATTITUDE": 50, "LOCAL_POSITION_NED": 50, "GLOBAL_POSITION_INT": 20, "VFR_HUD": 25,
     "BATTERY_STATUS": 1, "RC_CHANNELS": 10, "DISTANCE_SENSOR": 20, "GIMBAL_DEVICE_ATTITUDE_STATUS": 30, "SYS_STATUS": 2,
@@ -174,9 +176,10 @@ class Session:
     def command(self, number: int, *parameters: float) -> bool:
         """Send COMMAND_LONG; its acknowledgement shows in the state. Whether it was sent.
 
-        A mode is asked for only while the present one is known: a person may have chosen another since.
+        A mode, motors and a take-off are asked for only while the present mode is known: a person may have chosen
+        another since.
         """
-        if number == _SET_MODE and not self._awake(mode_known):
+        if number in _IN_OUR_MODE and not self._awake(mode_known):
             return False
         return self._send_command(number, *parameters)
 
@@ -203,7 +206,7 @@ class Session:
         Returns:
             The result; -1 when none came.
         """
-        before = self.state.acknowledged.get(number, (0, 0))[1]
+        before = self.state.answers(number)
         end_s, again_s = time.monotonic() + timeout_s, -math.inf
         while (now_s := time.monotonic()) < end_s:
             result, count = self.state.acknowledged.get(number, (0, 0))

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from shipland.frames import quaternion_from_euler
-from shipland.vehicles.mavlink.dialect import Message, dialect
+from shipland.vehicles.mavlink.dialect import AUTOPILOT, Message, dialect
 from shipland.vehicles.wanted import Wanted
 
-AUTOPILOT = dialect.MAV_COMP_ID_AUTOPILOT1
-"""Component that set-points and commands are for."""
 BODY_VELOCITY_MASK = 0b010111000111
 """Mask of SET_POSITION_TARGET_LOCAL_NED: only velocity and yaw rate count."""
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from shipland.frames import euler_from_quaternion, wrap_angle
-from shipland.vehicles.mavlink.dialect import Message, dialect
+from shipland.vehicles.mavlink.dialect import AUTOPILOT, Message, dialect
 from shipland.vehicles.mavlink.health import (
     ardupilot_estimator_alert,
     heartbeat_alert,
@@ -30,8 +30,7 @@ _LONGEST_TRIP_S = 2.0
 """Latest answer that counts."""
 _TRIPS = 5
 """Round trips of which the quickest counts; a link that has become slow shows after as many."""
-_AUTOPILOT = dialect.MAV_COMP_ID_AUTOPILOT1
-_GIMBALS = {_AUTOPILOT, 154, 171, 172, 173, 174, 175}
+_GIMBALS = {AUTOPILOT, 154, 171, 172, 173, 174, 175}
 """Components that tell a gimbal's attitude: gimbals themselves, and an autopilot for one that speaks no MAVLink."""
 _YAW_FROM_NORTH, _YAW_FROM_NOSE = (
     dialect.GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME, dialect.GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME,
@@ -191,7 +190,7 @@ def absorb(state: AutopilotState, message: Message, received_s: float) -> Autopi
     """
     name = message.get_type()
     handler = _HANDLERS.get(name)
-    if handler is None or not (name in _ANY_COMPONENT or message.get_srcComponent() == _AUTOPILOT):
+    if handler is None or not (name in _ANY_COMPONENT or message.get_srcComponent() == AUTOPILOT):
         return state
     return handler(state, message, received_s)
 
@@ -238,7 +237,7 @@ def _attitude(state: AutopilotState, it: Message, received_s: float) -> Autopilo
 
 
 def _local_position(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
-    _finite(it.x, it.y, it.z, it.vx, it.vy, it.vz, bound=1e6)
+    _finite(it.x, it.y, it.z, it.vx, it.vy, it.vz)
     state, t_s = _clock(state, it.time_boot_ms, received_s)
     velocity = (it.vx, it.vy, it.vz)
     return replace(state, velocity_t_s=t_s, velocity_in_ned_mps=velocity, north_m=it.x, east_m=it.y, down_m=it.z)

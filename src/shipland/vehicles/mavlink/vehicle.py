@@ -19,7 +19,7 @@ from shipland.vehicles.address import VehicleSetup
 from shipland.vehicles.checks import Check
 from shipland.vehicles.gimbal import gimbal_at
 from shipland.vehicles.mavlink.control import Control
-from shipland.vehicles.mavlink.dialect import dialect
+from shipland.vehicles.mavlink.dialect import AUTOPILOT, dialect
 from shipland.vehicles.mavlink.guard import ASK_TIME_S
 from shipland.vehicles.mavlink.modes import GUIDED_NOGPS, modes_of, obeys_us
 from shipland.vehicles.mavlink.motors import MotorStop
@@ -34,7 +34,7 @@ from shipland.vehicles.mavlink.parameters import (
 )
 from shipland.vehicles.mavlink.publish import Mounting, tell
 from shipland.vehicles.mavlink.session import HAND_OVERS, PATIENT_HAND_OVERS, Session
-from shipland.vehicles.mavlink.setpoints import AUTOPILOT, attitude_message, velocity_message
+from shipland.vehicles.mavlink.setpoints import attitude_message, velocity_message
 from shipland.vehicles.mavlink.setup import MavlinkSetup, open_session
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
 from shipland.vehicles.mavlink.taking import Taking
@@ -68,7 +68,6 @@ class MavlinkVehicle(SetpointVehicle):
         self._hand_overs, self._handed_s, self._handed_answers = 0, -math.inf, 0
         self._beat_s = self._asked_s = self._asked_heartbeat_s = -math.inf
         self._response: Response | None = None
-        self._limits: VehicleLimits | None = None
         self._told: Mapping[str, float] = {}
         self._mounting: Mounting | None = None
 
@@ -123,7 +122,8 @@ class MavlinkVehicle(SetpointVehicle):
         self._start_set_points("mavlink-set-points", parameters.goes_first)
 
     def _ended(self) -> str:
-        return self._end_reason or ("the flight was ended here" if self._closed else "")
+        """Why no flight may begin any more; after a suspension who has the vehicle is not known."""
+        return self._end_reason or self._suspended or ("the flight was ended here" if self._closed else "")
 
     def _engage(self) -> None:
         self._opening = True
@@ -154,17 +154,13 @@ class MavlinkVehicle(SetpointVehicle):
         """What of link, camera and vehicle is fit to fly; once connected."""
         from shipland.vehicles.mavlink.checks import link_checks
 
-        assert self._limits is not None  # connected
-        assert self._stream is not None
+        assert self._stream is not None and self._pace is not None  # connected
         lines = link_checks(self.session, self._stream, self._limits, self._setup, self.response())
-        return [*lines, Check("pace", True, self._pace_words())]
-
-    def _pace_words(self) -> str:
-        """How steadily set-points can leave here."""
-        assert self._pace is not None  # connected
         late_s = sorted(self._pace.late_s) or [0.0]
         words = f"99 % of the turns within {1e3 * late_s[int(0.99 * (len(late_s) - 1))]:.0f} ms of their time"
-        return words if self._pace.preferred else f"{words}; among other processes: CAP_SYS_NICE puts them first"
+        if not self._pace.preferred:
+            words += "; among other processes: CAP_SYS_NICE puts them first"
+        return [*lines, Check("pace", True, words)]
 
     def inform_of(self, rig: Rig, camera_in_body_m: Array) -> None:
         """What it is told of where it lands by itself."""
@@ -201,16 +197,12 @@ class MavlinkVehicle(SetpointVehicle):
     def _on_state(self, before: AutopilotState, after: AutopilotState) -> None:
         """Notice on the receiving thread that the vehicle is no longer ours, or obeys us otherwise than it told."""
         self._control.see(before, after)
-        self._end_if_lost()
-        if after.parameters is not before.parameters and self._told:
-            changed = changed_parameters(after.autopilot, self._told, after.parameters)
-            if changed:
-                self._end(f"what sticks mean was changed ({changed}); the vehicle holds")
-
-    def _end_if_lost(self) -> None:
-        lost = self._control.lost
-        if lost:
+        if lost := self._control.lost:
             self._end(motors_stopped(self._landing()) if lost == MOTORS_STOPPED else lost)
+        if after.parameters is not before.parameters and (
+            changed := changed_parameters(after.autopilot, self._told, after.parameters)
+        ):
+            self._end(f"what sticks mean was changed ({changed}); the vehicle holds")
 
     # The thread of the set-points
 
@@ -289,7 +281,6 @@ class MavlinkVehicle(SetpointVehicle):
 
     def _set_point(self, wanted: Wanted, state: AutopilotState, step_s: float, boot_ms: int) -> None:
         link, limits = self.session.link, self._limits
-        assert limits is not None  # connected
         by_speed = self.response().kind == "velocity" or (wanted.hold and state.mode != GUIDED_NOGPS)
         if by_speed or not math.isfinite(state.heading_rad):
             self._heading.rest()

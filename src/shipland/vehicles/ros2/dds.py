@@ -9,6 +9,7 @@ inline QoS, which Cyclone's Python binding cannot write; Cyclone by a header of 
 
 from __future__ import annotations
 
+import logging
 import os
 import threading
 from collections.abc import Callable
@@ -17,12 +18,15 @@ from typing import TYPE_CHECKING, Any
 
 from shipland.errors import ConfigError, VehicleError
 from shipland.extras import require
+from shipland.soundness import is_new, words_of
 from shipland.vehicles.ros2.types import cdr_of, message_of, store, type_hash
 
 if TYPE_CHECKING:
     from cyclonedds.domain import DomainParticipant
     from cyclonedds.pub import DataWriter
     from cyclonedds.sub import DataReader
+
+_log = logging.getLogger(__name__)
 
 _BLOCKED_NS = 5_000_000
 """How long a message may wait for a slow listener before it is left out: a set-point's thread goes on."""
@@ -132,6 +136,7 @@ class Node:
         self._closed = threading.Event()
         self.malformed = 0
         """Messages that could not be read or taken."""
+        self._known = set[type[BaseException]]()
         self._thread = threading.Thread(target=self._receive, name="ros2", daemon=True)
         self._thread.start()
 
@@ -192,8 +197,10 @@ class Node:
                         return
                     try:
                         take(message_of(data, kind))
-                    except Exception:  # whatever a stranger's message does, the next one is received
+                    except Exception as error:  # whatever a stranger's message does, the next one is received
                         self.malformed += 1
+                        if is_new(error, self._known):
+                            _log.warning("a message was not taken: %s: %s", kind, words_of(error))
 
     def _taken(self, reader: DataReader[Any]) -> list[bytes]:
         """The bytes of what has come; the sample that says that a writer has gone has none."""

@@ -23,25 +23,24 @@ _READINGS = 200
 _SLOW_S = 10.0
 """A battery that is reported less often is not known."""
 
-
-_OBEYING = ("OFFBOARD", "GUIDED", "GUIDED_NOGPS", "")
-"""Modes that obey set-points, by mavros's names; a vehicle without modes gives none."""
-
-
-def obeys_set_points(state: Message) -> bool:
-    """Whether a mavros_msgs/State says so: mavros's `guided` alone is true in LOITER, RTL and AUTO as well."""
-    return bool(state.guided) and state.mode in _OBEYING
+_OBEYING = {"attitude": ("GUIDED",), "velocity": ("GUIDED", "OFFBOARD")}
+"""Modes that obey set-points of a kind, by mavros's names: thrust is no climb in a PX4's OFFBOARD, and an ArduPilot's
+GUIDED_NOGPS does not fly a velocity of zero, our hold."""
 
 
 class Heard:
     """The vehicle's messages, merged on the node's thread, read from any.
 
-    Control is ours once the vehicle was given to us (`HandOver`) and is armed, while it says that it obeys set-points
-    (`obeys_set_points`); once it has been ours, the first message that says otherwise ends it for good.
+    Control is ours once the vehicle was given to us (`HandOver`) and is armed, while it says that it obeys set-points;
+    once it has been ours, the first message that says otherwise ends it for good.
+
+    Args:
+        kind: of the set-points, attitude or velocity.
     """
 
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
+    def __init__(self, kind: str) -> None:
+        self._obeying = _OBEYING[kind]
+        self._lock = threading.RLock()
         self._telemetry = Telemetry(0.0)
         self._attitudes: deque[Reading] = deque(maxlen=_READINGS)
         self._mounts: deque[Reading] = deque(maxlen=_READINGS)
@@ -88,12 +87,12 @@ class Heard:
             self._bridged = self._bridged or bool(state.connected)
             cut_off = self._bridged and not state.connected  # armed and mode are not the autopilot's word then
             if self._hand_over is not None and not cut_off:
-                self._hand_over.see(obeys_set_points(state))
+                self._hand_over.see(self._obeys(state))
             if self._engaged and cut_off:
                 self._lose("link lost: the vehicle's bridge has lost the autopilot")
             elif self._engaged and not state.armed:
                 self._lose(motors_stopped(self.landing))
-            elif self._engaged and not obeys_set_points(state):
+            elif self._engaged and not self._obeys(state):
                 self._lose(f"the pilot took over: {self.mode}")
 
     def take_land(self, asked: Message) -> None:
@@ -113,24 +112,21 @@ class Heard:
         with self._lock:
             self._hand_over = HandOver(asked)
             if self._state is not None:
-                self._hand_over.see(obeys_set_points(self._state))
+                self._hand_over.see(self._obeys(self._state))
 
     @property
     def given(self) -> bool:
         """Handed over, and armed, by its own word."""
         with self._lock:  # not between a state and what it says of the hand-over
-            return self._is_given()
-
-    def _is_given(self) -> bool:
-        return self._hand_over is not None and self._hand_over.given and bool(self._state.armed)
+            return self._hand_over is not None and self._hand_over.given and bool(self._state.armed)
 
     @property
     def hand_over_words(self) -> str:
         """What the operator has to do."""
         if self._hand_over is not None and self._hand_over.given:
             return "arm the vehicle, and take off"
-        obeys = self._state is not None and obeys_set_points(self._state)
-        return hand_over_words("GUIDED or OFFBOARD", self.mode, obeys)
+        obeys = self._state is not None and self._obeys(self._state)
+        return hand_over_words(" or ".join(self._obeying), self.mode, obeys)
 
     @property
     def ours(self) -> bool:
@@ -149,7 +145,7 @@ class Heard:
             called: a landing must have been asked for.
         """
         with self._lock:
-            self._engaged = self._is_given() and (bool(self.land) or not called)
+            self._engaged = self.given and (bool(self.land) or not called)
             return self._engaged
 
     def telemetry_at(self, t_s: float) -> Telemetry:
@@ -176,6 +172,13 @@ class Heard:
     def attitude_hz(self) -> float:
         """Of attitudes; see `checks.rate_hz`."""
         return rate_hz(true_s for true_s, *_ in list(self._attitudes))
+
+    def _obeys(self, state: Message) -> bool:
+        """Whether it obeys set-points, by its mode's name, or by `guided` where it has no modes.
+
+        mavros's `guided` is a flag of the heartbeat: true in LOITER, RTL and AUTO, false in a PX4's OFFBOARD.
+        """
+        return state.mode in self._obeying if state.mode else bool(state.guided)
 
     def _true_s(self, stamp_s: float) -> float:
         """When what is stamped was true; a stamp of another clock counts as now.

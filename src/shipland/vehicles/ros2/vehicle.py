@@ -16,7 +16,6 @@ from shipland.messages import FlightRecord, GimbalAttitude, Intent, Observation,
 from shipland.rig import Rig
 from shipland.stopping import sleep_or_stop
 from shipland.vehicles.address import VehicleSetup
-from shipland.vehicles.camera_stream import PictureSource
 from shipland.vehicles.checks import Check
 from shipland.vehicles.ros2.checks import ros2_checks
 from shipland.vehicles.ros2.conversions import attitude_message, gimbal_message, velocity_message
@@ -46,12 +45,10 @@ class Ros2Vehicle(SetpointVehicle):
     def __init__(self, setup: Ros2Setup) -> None:
         super().__init__(setup.parameters)
         self._setup = setup
-        self._heard = Heard()
+        self._heard = Heard(self._parameters.kind)
         self._camera = setup.camera
         self._camera_problem = ""
         self._topic = TopicPictures(lambda: self._camera, setup.latency_s)
-        self._source: PictureSource = self._topic if setup.frames is None else setup.frames
-        self._telling: Telling | None = None
 
     # What the loop sees
 
@@ -96,7 +93,7 @@ class Ros2Vehicle(SetpointVehicle):
             node.subscribe(topics["camera_info"], "sensor_msgs/msg/CameraInfo", self._take_camera, latched=True)
         if setup.frames is None:
             node.subscribe(topics["image"], image_kind(topics["image"]), self._topic.take)
-        self._start_stream(self._source)
+        self._start_stream(setup.frames or self._topic)
         wait_until(
             lambda: self._camera is not None,
             self._parameters.connect_timeout_s,
@@ -107,7 +104,6 @@ class Ros2Vehicle(SetpointVehicle):
 
     def _engage(self) -> None:
         """Wait for `/shipland/land` if that was asked for, and until the vehicle was handed over and is armed."""
-        assert self._telling is not None
         heard, waits = self._heard, self._setup.wait
         while not heard.begin(waits):
             while waits and not heard.land:
@@ -132,13 +128,13 @@ class Ros2Vehicle(SetpointVehicle):
     def _leave(self) -> None:
         if self._pace is not None:
             self._pace.stop()
-        if self._telling is not None and self._engaged:
+        if self._engaged:
             self._let_motors_stop(False)
             if self._heard.ours:  # also after an end of its own: its hold may not have left yet
                 self._end("the flight was ended here; the vehicle holds")
                 self._hold()
         called = self._setup.wait and self._heard.land  # who called waits for an answer
-        if self._telling is not None and (self._engaged or called):
+        if self._engaged or called:
             words = self.end_reason or self._failure or "the vehicle was not given to us"
             self._telling.state("", words, time.monotonic())
             self._telling.ended(words)
@@ -152,21 +148,19 @@ class Ros2Vehicle(SetpointVehicle):
 
     def inform(self, record: FlightRecord) -> None:
         """Publish what was seen and decided in a cycle."""
-        if self._telling is not None:
-            self.tell(record.observation)
-            self._telling.decided(record.decision, record.telemetry.t_s)
+        self.tell(record.observation)
+        self._telling.decided(record.decision, record.telemetry.t_s)
 
     def tell(self, observation: Observation) -> None:
         """Publish an observation, and while nothing is flown why there is no pose."""
-        if self._telling is not None:
-            self._telling.seen(observation, self._topic.frame_id)
-            if not self._engaged:
-                words = observation.reason or "the cue's pose is known"
-                self._telling.state("SEE", words, time.monotonic())
+        self._telling.seen(observation, self._topic.frame_id)
+        if not self._engaged:
+            words = observation.reason or "the cue's pose is known"
+            self._telling.state("SEE", words, time.monotonic())
 
     def inform_of(self, rig: Rig, camera_in_body_m: Array) -> None:  # noqa: ARG002 - poses are of the camera
-        """Publish where the deck lies from the cue."""
-        if self._telling is not None:
+        """Publish where the deck lies from the cue; once connected."""
+        if self._connected:
             self._telling.deck_lies(rig.deck_in_bar_m, time.monotonic())
 
     # Within
