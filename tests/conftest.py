@@ -133,8 +133,7 @@ def compiled_once(tmp_path_factory):
 
     The others wait for their machine code.
     """
-    folder = cache_folder(Path(shipland.__file__).parent)
-    if folder is None or "PYTEST_XDIST_WORKER" not in os.environ:
+    if cache_folder(Path(shipland.__file__).parent) is None or "PYTEST_XDIST_WORKER" not in os.environ:
         return
     beside = tmp_path_factory.getbasetemp().parent
     for wait in (fcntl.LOCK_NB, 0):
