@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shipland import factories
-from shipland.compiled import cache_folder, say_that_it_compiles
+from shipland.compiled import say_that_it_compiles
 from shipland.errors import ConfigError
 from shipland.factories import Factory
 from shipland.flight import fly as fly_loop
@@ -42,7 +42,6 @@ if TYPE_CHECKING:  # one flight that leaves nothing imports neither records nor 
 __all__ = ["Flight", "fly", "load_scenario", "without_pictures"]
 
 _log = logging.getLogger(__name__)
-_END_OF_CODE = b"."
 """Last byte of every pickle, which Numba's files are."""
 
 
@@ -132,7 +131,6 @@ def fly(
     scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     factories.resolve("pilots", pilot)
     pictures, seed = needs_pictures(factories.resolve("visions", vision)), checked_seed(seed)
-    drop_cut_off_code()
     say_that_it_compiles()
     records: list[FlightRecord] = []
     with ExitStack() as stack:
@@ -176,27 +174,6 @@ def fly(
             recorder.finish(verdict, result.reason, {stage.value: cost for stage, cost in result.cost_s.items()})
     problems = () if recorder is None else tuple(recorder.problems)
     return Flight(result, verdict, scenario, tuple(records), problems, None if out is None else Path(out))
-
-
-def drop_cut_off_code() -> None:
-    """Throw away compiled code that a loss of power has cut off, and say so.
-
-    An aircraft's computer often loses its power right after a flight, with files that are named and still empty. Numba
-    would fail with such a file in every flight from then on; without it, it compiles again.
-    """
-    folder = cache_folder(Path(__file__).parent)
-    damaged = [] if folder is None else [path for path in folder.rglob("*.nb[ic]") if not _is_whole(path)]
-    for path in damaged:
-        path.unlink(missing_ok=True)
-    if damaged:
-        _log.warning("machine code was cut off (%d files) and is compiled again", len(damaged))
-
-
-def _is_whole(path: Path) -> bool:
-    try:
-        return path.read_bytes().endswith(_END_OF_CODE)
-    except OSError:  # another process has thrown it away
-        return True
 
 
 def checked_seed(seed: Any) -> int:  # noqa: ANN401 - whatever a caller gives

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy.typing as npt
 
 from shipland import factories
-from shipland.api import checked_seed, drop_cut_off_code
+from shipland.api import checked_seed
 from shipland.compiled import say_that_it_compiles
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation.campaign import (
@@ -335,7 +335,6 @@ def _fly(
     executor = on_cluster(cluster) if cluster else processes(here)
     plan, flown, success, begun_s = opened.plan, 0, 0, time.monotonic()
     if progress is not False:
-        drop_cut_off_code()
         say_that_it_compiles()
     cells, area = len(plan.cells), area_of(cell.scenario.rig for cell in plan.cells)
     flights = sum(1 for _ in plan.jobs())

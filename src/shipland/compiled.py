@@ -16,6 +16,7 @@ import numba
 _LOGGER = logging.getLogger(__name__)
 F = TypeVar("F", bound=Callable[..., Any])
 _SETTINGS: Any = numba.config
+_END_OF_CODE = b"."  # of a pickle
 
 
 def compiled(function: F) -> F:
@@ -54,8 +55,29 @@ def cache_folder(package: Path) -> Path | None:
         except OSError:
             continue
         if os.access(folder, os.W_OK):
+            _drop_cut_off_code(folder)
             return folder
     return None
+
+
+def _drop_cut_off_code(folder: Path) -> None:
+    """Throw away machine code that a loss of power has cut off, and say so.
+
+    An aircraft's computer often loses its power right after a flight, with files that are named and still empty. Numba
+    would fail with such a file in every flight from then on; without it, it compiles again.
+    """
+    damaged = [path for path in folder.rglob("*.nb[ic]") if not _is_whole(path)]
+    for path in damaged:
+        path.unlink(missing_ok=True)
+    if damaged:
+        _LOGGER.warning("machine code was cut off (%d files) and is compiled again", len(damaged))
+
+
+def _is_whole(path: Path) -> bool:
+    try:
+        return path.read_bytes().endswith(_END_OF_CODE)
+    except OSError:  # another process has thrown it away
+        return True
 
 
 def is_compiled() -> bool:

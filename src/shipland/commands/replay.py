@@ -46,13 +46,11 @@ class Replay(ScenarioOptions):
 
     def run(self) -> int:
         """Replay and print what differs; 1 where the log breaks off."""
-        from shipland.api import drop_cut_off_code
         from shipland.evaluation.replays import differences
 
         written = [path for path in (self.out, self.viewer_file) if path is not None]
         refuse_written_over(written, [self.recording, self.calibration, self.config])
         check_between(-90.0, 90.0, pitch_deg=self.pitch_deg)
-        drop_cut_off_code()
         recording = self._recording()
         print(*differences(self._replayed(recording)), sep="\n")
         if written:

@@ -59,7 +59,6 @@ class See(PictureOptions):
 
     def run(self) -> int:
         """Look at every picture and say what is in it."""
-        from shipland.api import drop_cut_off_code
         from shipland.record.reader import read_log
         from shipland.report.drawings import draw_observation
         from shipland.scenario.scenario import load_scenario
@@ -70,7 +69,6 @@ class See(PictureOptions):
         check_between(-1e10, 1e10, attitude_start_s=self.attitude_start_s)
         check_between(0.01, 10.0, attitude_std_deg=self.attitude_std_deg)
         check_between(-90.0, 90.0, mount_pitch_deg=self.mount_pitch_deg)
-        drop_cut_off_code()
         scenario = load_scenario(self.config or {})
         logs = {path: read_log(path) for path in self.paths if is_log(path)}
         cue, (camera, whose) = self._cue(scenario.rig.cue, logs), self._camera(scenario.camera, logs)

@@ -17,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland import factories
-from shipland.api import drop_cut_off_code
 from shipland.camera import Camera
 from shipland.compiled import say_that_it_compiles
 from shipland.config import unknown_key
@@ -184,7 +183,6 @@ class FlightEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]], Generic[Seen]):
         source = scenario.table() if isinstance(scenario, Scenario) else scenario
         self.scenario = load_scenario(source, **(overrides or {}))
         self._vision = factories.resolve("visions", vision)
-        drop_cut_off_code()
         say_that_it_compiles()
         self.render_mode = render_mode
         self._views: FlightViews | None = None
