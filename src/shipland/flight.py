@@ -22,7 +22,7 @@ from shipland.messages import (
     Telemetry,
     copied,
 )
-from shipland.safety.assurance import Safety
+from shipland.safety.assurance import Safety, by_hand
 from shipland.safety.input_gate import InputGate, without_repeated
 from shipland.soundness import ENDS_THE_PROCESS, log_failure, sound_decision, words_of
 from shipland.stopping import uninterrupted
@@ -32,8 +32,9 @@ from shipland.vision.vision import Vision, see_or_degrade
 
 _log = logging.getLogger(__name__)
 
-_LANDING_S = 30.0
-"""For a landing beyond the time limit: a hold low over a deck that heaves would be struck by it."""
+_LOW = (Intent.LAND, Intent.GO_AROUND)
+_LOW_S = 30.0
+"""For a landing or a go-around beyond the time limit: a hold low over a deck that heaves would be struck by it."""
 
 
 class Stage(enum.StrEnum):
@@ -133,12 +134,21 @@ def decide_or_degrade(
 
 
 def check_or_hold(autonomy: Autonomy, decision: Decision, observation: Observation, telemetry: Telemetry) -> Decision:
-    """What safety and person make of a decision; should the safety fail, a hold, and the traceback in the log."""
+    """What safety and person make of a decision.
+
+    Should the safety fail, the person's key without its bounds, else a hold; and the traceback in the log.
+    """
+    override = None
     try:
-        return autonomy.safety.check(decision, observation, telemetry, autonomy.override())
+        override = autonomy.override()
+        return autonomy.safety.check(decision, observation, telemetry, override)
     except Exception as error:  # the last one who could raise in flight
         log_failure(_log, f"safety failed at {telemetry.t_s:.3f} s", error)
-        return Decision(PilotCommand.hold(telemetry.t_s, 0.0), None, f"safety failed: {words_of(error)}: hold")
+        failed = f"safety failed: {words_of(error)}"
+        if isinstance(override, Override):
+            decision = by_hand(decision, override, telemetry.t_s)
+            return replace(decision, reason=f"{decision.reason}; {failed}")
+        return Decision(PilotCommand.hold(telemetry.t_s, 0.0), None, f"{failed}: hold")
 
 
 def cycles(vehicle: Vehicle, autonomy: Autonomy, clock: Callable[[], float]) -> Generator[Cycle]:
@@ -212,7 +222,7 @@ def fly(
     clock: Callable[[], float],
     on_cycle: Callable[[FlightRecord], None],
 ) -> FlightResult:
-    """Fly until the vehicle gives no more or the time is up; a landing that has begun by then has half a minute more.
+    """Fly until the vehicle gives no more or the time is up; a landing or a go-around then has half a minute more.
 
     Args:
         vehicle: opened and closed here, also when interrupted.
@@ -235,8 +245,8 @@ def fly(
             for stage, cost_s in cycle.cost_s.items():
                 result.cost_s[stage] += cost_s
             result.cost_s[Stage.RECORD] += clock() - decided_s
-            landing = cycle.decision.command.intent is Intent.LAND
-            if result.t_s - first_s >= time_limit_s + (_LANDING_S if landing else 0.0):
+            low = cycle.decision.command.intent in _LOW
+            if result.t_s - first_s >= time_limit_s + (_LOW_S if low else 0.0):
                 result.reason = f"time limit of {time_limit_s:g} s"
                 return result
     if isinstance(vehicle, Ending) and vehicle.end_reason:

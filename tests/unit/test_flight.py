@@ -152,14 +152,17 @@ def test_a_person_s_key_is_flown_whatever_becomes_of_the_pilot(override, intent,
     assert rows[-1].decision.reason.startswith(override.value)
 
 
+class Broken:
+    """A safety that fails in every cycle."""
+
+    def admitted(self, observation, telemetry):
+        return observation
+
+    def check(self, *_):
+        raise ZeroDivisionError("of its own")
+
+
 def test_a_safety_that_fails_itself_holds(caplog):
-    class Broken:
-        def admitted(self, observation, telemetry):
-            return observation
-
-        def check(self, *_):
-            raise ZeroDivisionError("of its own")
-
     vehicle = Recorded(3)
     _, rows = flown(vehicle, safety=Broken())
     assert [command.intent for command in vehicle.commands] == [Intent.HOLD] * 3
@@ -276,7 +279,7 @@ def test_a_vehicles_clock_that_stands_still_delays_no_key():
 
     forward = piloted(lambda telemetry: Decision(replace(SOUND, pitch_percent=60.0), None, "forward"))
     keys = itertools.chain([None] * 30, itertools.repeat(Override.CLIMB))
-    result, rows = flown(Stands(1000), 2.0, pilot=forward, override=keys.__next__)
+    result, rows = flown(Stands(2000), 2.0, pilot=forward, override=keys.__next__)
     assert rows[29].decision.command.pitch_percent == 60.0
     assert rows[35].decision.command.sticks_percent == (0.0, 0.0, 50.0, 0.0)
     assert result.reason == "time limit of 2 s"
@@ -545,3 +548,47 @@ def test_costs_add_up_to_the_clock():
     clock = itertools.count(0.0, 0.25).__next__
     result = fly(Recorded(8), autonomy(), 10.0, clock, lambda _: None)
     assert sum(result.cost_s.values()) == pytest.approx(8 * len(Stage) * 0.25)
+
+
+@pytest.mark.parametrize(
+    ("override", "intent", "heave_percent"),
+    [(Override.HOLD, Intent.HOLD, 0.0), (Override.CLIMB, Intent.GO_AROUND, 50.0), ("c", Intent.HOLD, 0.0)],
+)
+def test_a_persons_key_is_obeyed_although_the_safety_fails(override, intent, heave_percent):
+    """Any other value than a key's is a hold too."""
+    _, rows = flown(Recorded(3), safety=Broken(), override=lambda: override)
+    command = rows[0].decision.command
+    assert (command.intent, command.sticks_percent) == (intent, (0.0, 0.0, heave_percent, 0.0))
+    assert rows[0].decision.override is (override if isinstance(override, Override) else None)
+    assert "safety failed: ZeroDivisionError" in rows[0].decision.reason
+
+
+def test_a_go_around_that_has_begun_is_not_cut_by_the_time_limit(monkeypatch):
+    """What is left holding there is as low over the deck as the landing that was broken off."""
+
+    def asked(telemetry):
+        intent = Intent.LAND if telemetry.t_s < 1.5 else Intent.GO_AROUND if telemetry.t_s < 3.0 else Intent.FLY
+        return Decision(PilotCommand(telemetry.t_s, 0.0, 0.0, 0.0, 0.0, 0.0, intent), None, "")
+
+    monkeypatch.setattr(Safety, "check", lambda _, decision, *more: decision)
+    result, rows = flown(Recorded(600), 1.0, pilot=piloted(asked))
+    assert result.reason == "time limit of 1 s"
+    assert rows[-1].decision.command.intent is Intent.FLY
+    assert result.t_s == pytest.approx(3.0, abs=0.05)
+    climbs = piloted(lambda telemetry: Decision(PilotCommand(0.0, *[0.0] * 5, Intent.GO_AROUND), None, ""))
+    assert flown(Recorded(2000), 1.0, pilot=climbs)[0].t_s < 32.0
+
+
+def test_a_first_time_that_no_clock_has_does_not_stop_the_flights_time():
+    """With it as the beginning a float would not tell one cycle from the next, and no stick would move again."""
+
+    class Begins(Recorded):
+        def read(self):
+            frame, telemetry = super().read() or (None, None)
+            return None if frame is None else (frame, replace(telemetry, t_s=1e18 if frame.t_s == 0.0 else frame.t_s))
+
+    forward = piloted(lambda telemetry: Decision(replace(SOUND, pitch_percent=60.0), None, "forward"))
+    keys = itertools.chain([None] * 30, itertools.repeat(Override.CLIMB))
+    result, rows = flown(Begins(1000), 2.0, pilot=forward, override=keys.__next__)
+    assert rows[35].decision.command.sticks_percent == (0.0, 0.0, 50.0, 0.0)
+    assert result.reason == "time limit of 2 s"

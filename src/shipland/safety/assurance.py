@@ -114,7 +114,7 @@ class Safety:
         self._estimate = self._estimator.updated(observation, telemetry)
         self._axes.take(self._last, telemetry)
         if override is not None:
-            decision = _by_hand(decision, override, telemetry.t_s, self._last)
+            decision = by_hand(decision, override, telemetry.t_s, self._last)
         command, notes = self._sound(decision.command, telemetry.t_s)
         look = self._look(command, telemetry)
         after = next_switch(self._switch, look, findings(look), self._parameters.recovery)
@@ -249,7 +249,7 @@ def _gimbal_rad(command: PilotCommand, last: PilotCommand | None) -> float:
     return 0.0 if last is None else last.gimbal_pitch_rad
 
 
-def _by_hand(decision: Decision, override: Override, t_s: float, last: PilotCommand | None) -> Decision:
+def by_hand(decision: Decision, override: Override, t_s: float, last: PilotCommand | None = None) -> Decision:
     """What a person asks for in place of a decision; the camera looks where the pilot wants it."""
     gimbal_rad = _gimbal_rad(decision.command, last)
     command, mode = PilotCommand.hold(t_s, gimbal_rad), decision.mode

@@ -24,6 +24,8 @@ _SILENCE_S = 60.0
 """A clock that goes on from later than this, or from before, has leapt; up to this the vehicle was silent so long."""
 _AHEAD_S = 0.1
 """Nothing was true later than it was received, but for rounding and clocks a little apart."""
+_LATEST_S = 1e10
+"""Of either sign, beyond any clock: 300 years. Past it a float no longer tells microseconds."""
 _FARTHEST_M = 2000.0
 """Corners cannot be measured from farther away: a ship's bar of 10 m has 5 px a metre there in no camera."""
 _OLD_GIMBAL_S = 0.2
@@ -57,15 +59,17 @@ class InputGate(NamedTuple):
 
     def at_receipt(self, frame: Frame | None, t_s: float) -> InputGate:
         """After the receipt of a frame, or of telemetry without one, at `t_s` by the vehicle's clock."""
+        if not abs(t_s) <= _LATEST_S:
+            return self
         if self.now_s is None:
-            return self._replace(now_s=t_s) if math.isfinite(t_s) else self
+            return self._replace(now_s=t_s)
         exposed_s = math.nan if frame is None else frame.t_s
-        fits_frame = math.isfinite(t_s) and (not math.isfinite(exposed_s) or abs(t_s - exposed_s) <= 2.0 * _LEAP_S)
-        if math.isfinite(t_s) and 0.0 <= t_s - self.leapt_s - self.now_s <= _LEAP_S:
+        fits_frame = not math.isfinite(exposed_s) or abs(t_s - exposed_s) <= 2.0 * _LEAP_S
+        if 0.0 <= t_s - self.leapt_s - self.now_s <= _LEAP_S:
             return InputGate(t_s - self.leapt_s, self.exposure_s, self.gimbal, self.leapt_s)
         if self.suspect_s is not None and fits_frame and 0.0 < t_s - self.suspect_s <= _LEAP_S:
             return self._leapt(self.now_s, t_s, self.suspect_s)
-        return self._replace(suspect_s=t_s if math.isfinite(t_s) else self.suspect_s)
+        return self._replace(suspect_s=t_s)
 
     def _leapt(self, now_s: float, t_s: float, suspect_s: float) -> InputGate:
         """After the vehicle's clock went on from a time that was refused: silent, come back from a leap, or leapt.
