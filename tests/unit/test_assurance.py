@@ -665,3 +665,43 @@ def test_no_bound_of_the_safety_can_be_set_out_of_the_world(section):
             table = {**TABLE, section: {**inner, key: wrong}} if section else {**TABLE, key: wrong}
             with pytest.raises(ConfigError, match=key):
                 build(SafetyParameters, table)
+
+
+def test_a_pose_that_is_refused_turns_no_way_out():
+    """A go-around flies astern along the bar's heading: of poses that leap not even that is believed."""
+    estimator, level = SafetyEstimator(RIG, CAMERA, np.zeros(3)), GimbalAttitude(0.0, 0.0)
+    for cycle in range(60):
+        t_s, leaps = cycle / 30.0, cycle > 45
+        place_m = np.array([-5.0, 3.0 if leaps else 0.0, -0.5])
+        pose = BarPose(place_m, math.radians(120.0) if leaps else 0.0, 1e-4 * np.eye(4), 0.1, np.zeros((8, 2)))
+        telemetry = Telemetry(t_s, 0.0, 0.0, 0.0, 5.0, np.zeros(3), 80.0, 90.0, True)
+        estimate = estimator.updated(Observation(t_s, level, pose), telemetry)
+    assert estimate.leap_m > 2.0
+    assert estimate.yaw_rad == 0.0
+    assert estimate.bar_in_level_rad() == pytest.approx(0.0)
+    assert estimate.bar_distance_m() == pytest.approx(5.0)
+    assert estimate.deck_height_m == pytest.approx(5.0 - (DECK_M[2] + 0.5))
+    assert estimate.place_in_bar_m == pytest.approx((-5.0, 0.0, -0.5))
+
+
+def test_of_two_poses_of_one_exposure_the_second_may_not_leap():
+    estimator, level = SafetyEstimator(RIG, CAMERA, np.zeros(3)), GimbalAttitude(0.0, 0.0)
+    telemetry = Telemetry(0.0, 0.0, 0.0, 0.0, 5.0, np.zeros(3), 80.0, 90.0, True)
+    for ahead_m in (-5.0, -9.0):
+        pose = BarPose(np.array([ahead_m, 0.0, -0.5]), 0.0, 1e-4 * np.eye(4), 0.1, np.zeros((8, 2)))
+        estimate = estimator.updated(Observation(0.0, level, pose), telemetry)
+    assert estimate.leap_m == pytest.approx(4.0)
+    assert estimate.place_in_bar_m == pytest.approx((-5.0, 0.0, -0.5))
+
+
+def test_a_tilt_that_is_told_no_more_becomes_no_wind():
+    """The last tilt, of a manoeuvre perhaps, would be held against for ever: blind, as fast as full sticks fly."""
+    estimator = SafetyEstimator(RIG, CAMERA, np.zeros(3))
+    for cycle in range(600):
+        pitch_rad = None if cycle > 120 else math.radians(-20.0) if cycle > 115 else 0.0
+        telemetry = Telemetry(
+            cycle / 30.0, None if pitch_rad is None else 0.0, pitch_rad, 0.0, 5.0, None, 80.0, 90.0, True
+        )
+        estimate = estimator.updated(Observation(cycle / 30.0, GimbalAttitude(0.0, 0.0)), telemetry)
+    held = sticks_of(Rung.HOLD, estimate, 20.0, 0.0, TILTS, RECOVERY)
+    assert abs(held.pitch_percent) < 15.0

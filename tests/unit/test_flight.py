@@ -592,3 +592,22 @@ def test_a_first_time_that_no_clock_has_does_not_stop_the_flights_time():
     result, rows = flown(Begins(1000), 2.0, pilot=forward, override=keys.__next__)
     assert rows[35].decision.command.sticks_percent == (0.0, 0.0, 50.0, 0.0)
     assert result.reason == "time limit of 2 s"
+
+
+def test_a_vision_that_goes_back_in_time_is_not_flown_on():
+    """Poses in no order have no slope: no velocity against the bar would be known, and no stopping distance."""
+
+    class Late(VisionSelector):
+        def __init__(self):
+            self.frames = itertools.count()
+
+        def see(self, frame):
+            t_s = frame.t_s - (0.5 if next(self.frames) % 2 else 0.0)
+            place_m = np.array([-9.0 + 2.0 * t_s, 0.0, -0.5])
+            return Observation(t_s, frame.gimbal, BarPose(place_m, 0.0, 1e-4 * np.eye(4), 0.1, t_s + np.zeros((8, 2))))
+
+    safety = autonomy().safety
+    _, rows = flown(Recorded(60), vision=Late(), safety=safety)
+    assert [row.observation.bar_pose is None for row in rows[2:6]] == [False, True, False, True]
+    assert "older than the last" in rows[-1].observation.reason
+    assert safety.estimate.velocity_in_bar_mps[0] == pytest.approx(2.0, abs=0.1)

@@ -341,7 +341,7 @@ def _take_telemetry(
     if max(abs(roll_rad), abs(pitch_rad)) < _STEEPEST_RAD and not math.isnan(roll_rad + pitch_rad):
         north, east = _turned(-math.tan(pitch_rad), math.tan(roll_rad), s.heading_rad)
         s.tilt_mps2[0], s.tilt_mps2[1] = GRAVITY_MPS2 * north, GRAVITY_MPS2 * east
-    _smooth(s.mean_tilt_mps2, s.tilt_mps2, step_s)
+        _smooth(s.mean_tilt_mps2, s.tilt_mps2, step_s)
     _smooth(s.mean_velocity_mps, s.velocity_mps, step_s)
     for i in range(2):  # the mean tilt less the mean acceleration, which is what a smoothed velocity lags by
         lag_mps = s.velocity_mps[i] - s.mean_velocity_mps[i]
@@ -393,6 +393,9 @@ def _take_pose(
     s, (ahead_m, right_m, down_m, yaw_rad) = records[0], seen
     lever_m = _turned(camera_in_body_m[0], camera_in_body_m[1], yaw_rad)
     ahead_m, right_m, down_m = ahead_m - lever_m[0], right_m - lever_m[1], down_m - camera_in_body_m[2]
+    s.leap_m = _leap_m(s, ways, sights, exposure_s, (ahead_m, right_m, down_m))
+    if s.leap_m > 0.0:
+        return
     s.deck_leap_m = 0.0
     if not math.isnan(s.height_m):
         seen_m = s.height_m - (s.deck_down_m - down_m)
@@ -403,9 +406,6 @@ def _take_pose(
     s.yaw_rad, s.bar_heading_rad = yaw_rad, _wrap(s.heading_rad - yaw_rad)
     north_m, east_m = _turned(-ahead_m, -right_m, s.heading_rad - yaw_rad)
     s.bar_from_aircraft_m[0], s.bar_from_aircraft_m[1] = north_m, east_m
-    s.leap_m = _leap_m(s, ways, sights, exposure_s, (ahead_m, right_m, down_m))
-    if s.leap_m > 0.0:
-        return
     count = 0
     for row in range(int(s.sights)):
         if 0.0 < exposure_s - sights[row, 0] <= _WINDOW_S and count < _ROWS - 1:
@@ -438,7 +438,7 @@ def _leap_m(s: Record, ways: Array, sights: Array, exposure_s: float, place_m: P
     if s.sights == 0.0:
         return 0.0
     since_s = exposure_s - sights[int(s.sights) - 1, 0]
-    if not 0.0 < since_s <= _REMEMBERED_S:
+    if not 0.0 <= since_s <= _REMEMBERED_S:
         return 0.0
     x, y, z = _place_m(s, ways, sights, exposure_s)
     leap_m = math.sqrt((place_m[0] - x) ** 2 + (place_m[1] - y) ** 2 + (place_m[2] - z) ** 2)

@@ -185,11 +185,15 @@ class InputGate(NamedTuple):
 
 
 def without_repeated(observation: Observation, before: Observation | None) -> Observation:
-    """Without a pose whose corners are those of the picture before, to the last bit: the stream stands still.
+    """Without what is older than the one before, and without a pose of the same corners: the stream stands still.
 
     No two pictures of a camera have the same noise; a decoder that has lost its stream shows the last one again, with
     new time stamps, and the aircraft would seem to stand while it flies on.
     """
+    if before is not None and observation.t_s < before.t_s:
+        reason = "; ".join(filter(None, (observation.reason, "observation older than the last")))
+        empty = replace(observation, bar_pose=None, bar_box=None, ship_box=None, deck=None)
+        return replace(empty, t_s=before.t_s, reason=reason)
     pose, last = observation.bar_pose, None if before is None else before.bar_pose
     if pose is None or last is None or pose.corners_px.tobytes() != last.corners_px.tobytes():
         return observation
