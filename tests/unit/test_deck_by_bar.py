@@ -1,14 +1,29 @@
-"""What a ship's bar tells of its deck: a roll makes it sway farther, a pitch makes it heave less or more."""
+"""What a ship's bar tells of its deck: a roll makes it sway farther, a pitch makes it heave less or more.
+
+A turn carries the deck round the bar.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from shipland.estimation.relative_state import STATES, WAVE, WAVE_RATE, AxisModel, Disturbances, GaussianState, Model
+from shipland.estimation.relative_state import (
+    POSITION,
+    STATES,
+    WAVE,
+    WAVE_RATE,
+    AxisModel,
+    Disturbances,
+    GaussianState,
+    Model,
+)
 from shipland.estimation.waves import WaveMotion
 from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.horizon.estimated import Actuation, Estimated
+from shipland.guidance.horizon.parameters import HorizonParameters
+from shipland.guidance.horizon.regulator import Reference, Regulator
+from shipland.guidance.response import ANAFI_LIKE
 
 SHIP = WaveMotion(0.12, 2.0, 0.2, deck_shares=(0.6, 0.0, 0.0, 0.0))
 HEAVES = replace(SHIP, deck_shares=(1.2, 0.0, 0.0, 0.0))
@@ -65,3 +80,19 @@ def test_a_bar_at_rest_tells_nothing_of_its_deck() -> None:
     assert seen.height_m == pytest.approx(BAR_ABOVE_DECK_M - 0.5)
     assert (seen.sink_mps, seen.followed_rises_mps(0.0)) == (0.1, 0.0)
     assert seen.deck_rises_mps(0.0) == pytest.approx(-0.3)
+
+
+@pytest.mark.parametrize("turn_rad_s", [0.0, 0.1])
+def test_the_offset_at_contact_is_that_from_a_landing_point_which_the_reference_trails(turn_rad_s: float) -> None:
+    still = WaveMotion(0.003, 1.8, 0.1)
+    trails_m, contact_s, nothing = np.array([0.0, 0.12]), 0.5, np.zeros(2)
+    across = np.zeros(2 * STATES)
+    across[[POSITION, STATES + POSITION]] = place_m = np.array([-2.0, 0.0]) + trails_m
+    seen = replace(
+        estimated(still, still), across=GaussianState(0.0, across, np.eye(2 * STATES)), turn_rad_s=turn_rad_s
+    )
+    regulator = Regulator(HorizonParameters(), ANAFI_LIKE, None)
+    reference = Reference(place_m, nothing, nothing)  # the aircraft is there, and rests
+    offset_m, _ = regulator.at_contact(seen, reference, regulator.gains(seen, False, 0.033), contact_s)
+    deck_mps = np.array([0.0, -2.0 * turn_rad_s])
+    assert offset_m == pytest.approx(trails_m - contact_s * deck_mps)

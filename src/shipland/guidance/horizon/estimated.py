@@ -97,7 +97,16 @@ class Estimated:
     @cached_property
     def offset_m(self) -> Array:
         """(2,) from the landing point, in the axes of the flight."""
-        return self.followed_m - rotated(self.deck_in_bar_m[:2], self.bar_rad)
+        return self.followed_m - self.landing_point_m
+
+    @cached_property
+    def landing_point_m(self) -> Array:
+        """(2,) from the bar, in the axes of the flight."""
+        return rotated(self.deck_in_bar_m[:2], self.bar_rad)
+
+    def by_turn_mps(self, place_m: Array) -> Array:
+        """(2,) velocity by the bar's turn of a place (2,) from the bar."""
+        return self.turn_rad_s * np.array([-place_m[1], place_m[0]])
 
     @cached_property
     def course_rad(self) -> float | None:
@@ -109,7 +118,7 @@ class Estimated:
     @property
     def observed_offset_m(self) -> Array:
         """(2,) from the landing point by the bar as it is seen, in the axes of the flight."""
-        return self.place_m - rotated(self.deck_in_bar_m[:2], self.bar_rad)
+        return self.place_m - self.landing_point_m
 
     @cached_property
     def height_m(self) -> float:

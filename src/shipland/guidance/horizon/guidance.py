@@ -148,7 +148,7 @@ class Goals:
             ahead_m -= short_m if mode is not Mode.LAND else 0.0
         goal_in_bar_m = self._past_ship(estimate.aircraft_in_bar_m[:2], np.array([ahead_m, 0.0]))
         goal_m = rotated(goal_in_bar_m, estimate.bar_rad)
-        return goal_m, estimate.turn_rad_s * np.array([-goal_m[1], goal_m[0]])
+        return goal_m, estimate.by_turn_mps(goal_m)
 
     def pace(self, estimate: Estimated, goal_m: Array) -> Pace:
         """Towards a goal: fast far from it, gentle near."""

@@ -243,12 +243,18 @@ class Regulator:
     def at_contact(
         self, estimate: Estimated, reference: Reference, gains: Gains, contact_s: float
     ) -> tuple[Array, Array]:
-        """(2,) and (2,2): offset from the deck's centre predicted for a contact in `contact_s`, and its covariance."""
+        """(2,) and (2,2): offset from the deck's centre predicted for a contact in `contact_s`, and its covariance.
+
+        The gains bring the aircraft to the reference, which trails the landing point of a ship that turns.
+        """
         left = min(max(round(contact_s / gains.step_s), 0), len(gains.to_contact))
         contact_s = min(contact_s, LONGEST_CONTACT_S)
         rows = gains.offset_to_contact[left]
         offsets_m = [rows @ self._control_state(estimate, reference, axis) for axis in range(2)]
-        return np.array(offsets_m) - estimate.deck_later(contact_s), estimate.over_deck_covariance_later(contact_s)
+        trails_mps = reference.speed_mps - estimate.by_turn_mps(estimate.landing_point_m)
+        trails_m = reference.place_m - estimate.landing_point_m + contact_s * trails_mps
+        offset_m = trails_m + np.array(offsets_m) - estimate.deck_later(contact_s)
+        return offset_m, estimate.over_deck_covariance_later(contact_s)
 
     def sticks(self, estimate: Estimated, plan: Plan) -> SticksPercent:
         """The sticks of a plan."""
