@@ -363,7 +363,7 @@ def test_what_is_no_bundle_is_refused(tmp_path):
 
 def test_real_flights_come_out_the_same_to_the_last_digit(tmp_path, monkeypatch):
     monkeypatch.setattr(job, "land_once", REAL)
-    options = {"workers": 1, "progress": False, "oracle_motions": 0, "settings": ["time_limit_s=2"]}
+    options = {"workers": 1, "progress": False, "oracle_motions": 0, "settings": ["time_limit_s=0.5"]}
     shipland.campaign("rig-natops", runs=1, out=tmp_path / "flown", **options)
     write_bundle(tmp_path / "flown", tmp_path / "real.zip", "real", 1, None)
     assert check(tmp_path / "real.zip").again == 1

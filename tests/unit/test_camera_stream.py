@@ -95,8 +95,8 @@ def test_pictures_that_come_later_and_later_are_known_to_be_old(late_s: np.ndarr
 @pytest.mark.parametrize("drift", [0.001, -0.001])
 def test_a_stream_whose_clock_runs_at_another_rate_is_followed(drift: float, late_s: np.ndarray) -> None:
     """Of 30 pictures a second, as stamped, there are 29.97."""
-    late_s = np.resize(late_s, 18_000)
-    found = errors_s(np.arange(18_000) * PERIOD_S * (1.0 - drift), late_s)
+    late_s = np.resize(late_s, 6_000)
+    found = errors_s(np.arange(6_000) * PERIOD_S * (1.0 - drift), late_s)
     assert None not in found
     assert max(map(abs, found)) < 0.08
 

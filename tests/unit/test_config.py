@@ -188,11 +188,12 @@ class TestBuild:
         with pytest.raises(ConfigError, match="s: expected a table, got 3"):
             build(Settings, 3, "s")
 
-    @hypothesis_settings(max_examples=40)
+    @hypothesis_settings(max_examples=20)
     @given(
         st.dictionaries(
-            st.text(),
-            st.recursive(st.none() | st.booleans() | st.floats() | st.text(), st.lists, max_leaves=8),
+            st.text(max_size=9),
+            st.recursive(st.none() | st.booleans() | st.floats() | st.text(max_size=9), st.lists, max_leaves=4),
+            max_size=9,
         )
     )
     def test_any_table_is_either_built_or_refused_in_the_family_of_errors(self, junk):

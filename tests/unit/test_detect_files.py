@@ -3,6 +3,7 @@
 import json
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import av
@@ -46,12 +47,16 @@ def weights(tmp_path_factory):
     return path
 
 
+@cache
+def loaded(weights):
+    return Detector.load(str(weights), replace(detector_parameters(), threads=1))
+
+
 def detect(paths, weights, confidence=None, out=None):
-    settings = replace(detector_parameters(), threads=1)
-    confidence = settings.acquire_confidence if confidence is None else confidence
+    confidence = detector_parameters().acquire_confidence if confidence is None else confidence
     results = []
     with Drawings(out) if out is not None else nullcontext() as drawings:
-        for result in detect_paths(paths, Detector.load(str(weights), settings), confidence):
+        for result in detect_paths(paths, loaded(weights), confidence):
             results.append(result)
             if drawings is not None:
                 drawings.add(result.picture, draw_boxes(result.picture.image, result.boxes))
@@ -155,7 +160,6 @@ def test_a_broken_picture_does_not_end_the_rest(weights, pictures, tmp_path):
     (tmp_path / "film.mp4").write_bytes(b"no film")
     told = []
     paths = (tmp_path / "none.jpg", tmp_path / "film.mp4", pictures)
-    detector = Detector.load(str(weights), replace(detector_parameters(), threads=1))
-    results = list(detect_paths(paths, detector, 0.5, lambda path, _: told.append(path.name)))
+    results = list(detect_paths(paths, loaded(weights), 0.5, lambda path, _: told.append(path.name)))
     assert [result.picture.name[-5:] for result in results] == ["a.jpg"[-5:], "b.png"[-5:]]
     assert told == ["none.jpg", "film.mp4", "aa.jpg"]

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -34,8 +35,9 @@ from shipland.vehicles.mavlink.parameters import MavlinkParameters, VehicleLimit
 from shipland.vehicles.mavlink.state import ARDUPILOT
 
 
-def flown(kind: str, seconds: float = 40.0, wind_mps: float = 0.0) -> Iterator[FlightRecord]:
-    """The simulated aircraft, far from the ship, with sticks that change each second or so."""
+@cache
+def flown(kind: str, wind_mps: float = 0.0) -> tuple[FlightRecord, ...]:
+    """The simulated aircraft, far from the ship, with sticks that change each second or so; flown once."""
     scenario = load_scenario(
         "near",
         aircraft={"loop": {"kind": kind, "velocity_reference": "ground"}},
@@ -45,20 +47,22 @@ def flown(kind: str, seconds: float = 40.0, wind_mps: float = 0.0) -> Iterator[F
     )
     vehicle, rng = build_vehicle(scenario, 4, None), np.random.default_rng(9)
     vehicle.open()
-    sticks, until_s = np.zeros(4), 0.0
-    while (pair := vehicle.read()) is not None and pair[1].t_s < seconds:
+    sticks, until_s, rows = np.zeros(4), 0.0, []
+    while (pair := vehicle.read()) is not None and pair[1].t_s < 40.0:
         frame, telemetry = pair
         if telemetry.t_s >= until_s:
             until_s = telemetry.t_s + rng.uniform(0.6, 1.6)
             sticks = rng.choice([-60.0, -30.0, 30.0, 60.0], 4)
         command = PilotCommand(telemetry.t_s + 0.03, *sticks.tolist(), 0.0)
         vehicle.send(command)
-        yield FlightRecord(frame, telemetry, Observation(frame.t_s, frame.gimbal), Decision(command, None, ""), None)
+        seen = Observation(frame.t_s, frame.gimbal)
+        rows.append(FlightRecord(frame, telemetry, seen, Decision(command, None, ""), None))
     vehicle.close()
+    return tuple(rows)
 
 
 def test_the_attitude_loop_is_found() -> None:
-    found = identify(list(flown("attitude")))
+    found = identify(flown("attitude"))
     assert found.kind == "attitude"
     assert found.level is not None and found.climb is not None and found.turn is not None
     assert math.degrees(found.level.full) == pytest.approx(15.0, rel=0.1)
@@ -69,13 +73,13 @@ def test_the_attitude_loop_is_found() -> None:
 
 
 def test_the_drag_is_found_in_a_wind_that_comes_from_another_side_as_the_aircraft_turns() -> None:
-    assert identify(list(flown("attitude", wind_mps=6.0))).drag_per_s == pytest.approx(0.3, abs=0.06)
+    assert identify(flown("attitude", wind_mps=6.0)).drag_per_s == pytest.approx(0.3, abs=0.06)
 
 
 def test_sticks_of_a_landing_that_was_broken_off_count_for_what_comes_after() -> None:
-    rows = list(flown("attitude", 50.0))
+    rows = list(flown("attitude"))
     for index, row in enumerate(rows):
-        if 20.0 < row.telemetry.t_s < 28.0:
+        if 10.0 < row.telemetry.t_s < 18.0:
             command = replace(row.decision.command, intent=Intent.LAND)
             rows[index] = replace(row, decision=replace(row.decision, command=command))
     found = identify(rows)
@@ -104,7 +108,7 @@ def test_holding_against_a_strong_wind_does_not_look_like_it() -> None:
 
 
 def test_what_stands_on_the_deck_tells_nothing() -> None:
-    rows = list(flown("attitude", 25.0))
+    rows = [row for row in flown("attitude") if row.telemetry.t_s < 25.0]
     last = rows[-1]
     for index in range(1, 300):
         t_s = last.telemetry.t_s + index / 30.0
@@ -118,7 +122,7 @@ def test_what_stands_on_the_deck_tells_nothing() -> None:
 
 
 def test_the_velocity_loop_is_found() -> None:
-    found = identify(list(flown("velocity")))
+    found = identify(flown("velocity"))
     assert found.kind == "velocity"
     assert found.level is not None
     assert found.level.full == pytest.approx(7.5, rel=0.25)
@@ -173,7 +177,7 @@ def test_tilts_and_speeds_that_were_never_told_together_leave_the_loop_out() -> 
 
 def test_what_is_found_goes_through_the_door(tmp_path: Path) -> None:
     path = tmp_path / "vehicle.toml"
-    found = identify(list(flown("attitude")))
+    found = identify(flown("attitude"))
     path.write_text(found.toml(0.025), encoding="utf-8")
     assumed = response_of(load_scenario("near"))
     taken = identified(path, assumed)
@@ -197,7 +201,7 @@ def moving_sticks(setup: PilotSetup) -> Pilot:
     return Moving()
 
 
-def test_from_a_flights_log_to_the_pilot_of_every_vehicle(tmp_path: Path) -> None:
+def test_from_a_flights_log_to_the_pilot_of_every_vehicle(without_plots: None, tmp_path: Path) -> None:
     """The commands of "Fly a vehicle", and what an ANAFI's, an ArduPilot's and the simulated pilot make of the file."""
     scenario = load_scenario(
         "near",

@@ -192,7 +192,7 @@ def assert_sound(seen, t_s, gimbal):
 
 
 @given(st.lists(SEEN, min_size=1, max_size=4))
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_whatever_comes_after_whatever_else_is_answered_in_words(sequence):
     """Pictures, time stamps (NaN, endless, backward) and gimbals of any kind, with a pose followed or without."""
     eyes = NearVision(BAR, TINY, VisionParameters())

@@ -29,6 +29,7 @@ def study(tmp_path, monkeypatch):
     monkeypatch.setattr(harness, "RESULTS", tmp_path / "results")
     monkeypatch.setattr(tables, "RESULTS", tmp_path / "results")
     monkeypatch.setattr(harness, "PARTS", tmp_path / "parts")
+    monkeypatch.setattr(harness, "CODE", ())  # digests of all code take seconds, and the source is made up
     monkeypatch.setattr(harness, "load", lambda _: made)
     monkeypatch.setattr(tables, "load", lambda _: made)
     monkeypatch.setattr(harness, "source_of", lambda *_: {"code": "this", "modules": ""})
