@@ -119,12 +119,6 @@ def test_labelled_set_with_ranges(weights, tmp_path):
         evaluate(EvaluateArguments(weights, "ship", data=folder, out=tmp_path / "out", threads=1))
 
 
-def test_a_drawn_set_says_what_it_is_of(weights, tmp_path):
-    folder = synth(SynthArguments(tmp_path / "set", "bar", count=2, seed=9, crop_px=96))
-    result = evaluate(EvaluateArguments(weights, data=folder, out=tmp_path / "out", threads=1))
-    assert result.tables["all"].bins[0].high_m - result.tables["all"].bins[0].low_m == 10.0  # of the bar's table
-
-
 @pytest.fixture
 def looked(weights, tmp_path):
     """An evaluation of one scene that is in its folder already, so that nothing is drawn."""
@@ -135,7 +129,7 @@ def looked(weights, tmp_path):
     return EvaluateArguments(str(mine), "ship", count=1, frames=2, out=out, threads=1)
 
 
-def test_scenes_that_another_detector_or_configuration_made_are_not_taken(looked, tmp_path):
+def test_scenes_that_another_detector_or_configuration_made_are_not_taken(looked, unarranged, tmp_path):
     evaluate(looked)
     config = tmp_path / "mine.toml"
     config.write_text("[evaluate]\nship_range_m = [15.0, 360.0]\n")
@@ -148,7 +142,7 @@ def test_scenes_that_another_detector_or_configuration_made_are_not_taken(looked
         evaluate(looked)
 
 
-def test_the_farthest_scenes_have_a_bin(looked, tmp_path):
+def test_the_farthest_scenes_have_a_bin(looked, unarranged, tmp_path):
     config = tmp_path / "mine.toml"
     config.write_text("[evaluate]\nship_range_m = [15.0, 360.0]\n")
     bins = evaluate(replace(looked, config=config)).tables["all"].bins
@@ -161,11 +155,14 @@ def test_a_confidence_that_no_box_is_kept_for_is_refused(looked, confidence):
         evaluate(replace(looked, confidence=confidence))
 
 
-def test_a_set_may_tell_ranges_alone(weights, tmp_path):
+@pytest.mark.parametrize(("of", "step_m"), [("", 25.0), (', "kind": "bar"', 10.0)])
+def test_a_set_may_tell_ranges_alone_or_what_it_is_of_too(weights, unarranged, tmp_path, of, step_m):
     folder = tmp_path / "set"
     folder.mkdir()
     cv2.imwrite(str(folder / "a.png"), np.zeros((64, 64, 3), np.uint8))
     (folder / "a.txt").write_text("0 0.5 0.5 0.2 0.2\n")
-    (folder / "scenes.jsonl").write_text('{"file": "a.png", "range_m": 30.0}\n')
+    (folder / "scenes.jsonl").write_text(f'{{"file": "a.png", "range_m": 30.0{of}}}\n')
     found = evaluate(EvaluateArguments(weights, data=folder, classes=("ship",), out=tmp_path / "out", threads=1))
     assert {name: table.scenes for name, table in found.tables.items()} == {"all": 1}
+    first = found.tables["all"].bins[0]
+    assert first.high_m - first.low_m == step_m

@@ -45,7 +45,7 @@ def test_a_case_leaves_table_series_and_figure(tmp_path: Path) -> None:
         assert [row["motion"] for row in csv.DictReader(file)] == list(DOF_NAMES)
 
 
-def test_the_written_motion_can_be_flown_again(tmp_path: Path) -> None:
+def test_the_written_motion_can_be_flown_again(unarranged: None, tmp_path: Path) -> None:
     sea = case(**{"ship.motion": "sea"})
     report_case(sea, Sampling(20.0, 20.0), tmp_path, Console(file=io.StringIO()))
     path = tmp_path / "motion.csv"
@@ -70,7 +70,7 @@ def test_both_headings_and_both_time_rules(tmp_path: Path) -> None:
     assert (tmp_path / "motion_headings.png").stat().st_size > 10_000
 
 
-def test_a_motion_slower_than_its_record_is_no_standstill(tmp_path: Path) -> None:
+def test_a_motion_slower_than_its_record_is_no_standstill(unarranged: None, tmp_path: Path) -> None:
     said, slow = io.StringIO(), {"amplitude_m_deg": [0, 0, 0.3, 0, 0, 0], "period_s": [60.0] * 6}
     swell = case(**{"ship.motion": "sinusoids", "ship.sinusoids": slow})
     report_case(swell, Sampling(10.0, 30.0), tmp_path, Console(file=said, width=120))

@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 import pytest
+from made_up_flight import flight, write_log
+from test_campaign import GOOD
 
 from pictures import Look, bar_picture, camera_from_bar, project_plane
 from shipland.camera import Camera
@@ -238,21 +240,32 @@ def test_an_approach_ends_over_the_ship(variant, monkeypatch):
 
 def test_without_the_slew_bound_the_peak_is_sent_whole():
     near = {"derivative": "linear", "filter": "kalman"}
-    found = near_figures(fly_hover(near, 0.0, FALSE_M, slew=False), fly_hover(near, 0.0, 0.0, slew=False))
+    trace = fly_hover(near, 0.0, FALSE_M, slew=False)
+    found = near_figures(trace, trace)
     assert found.sent_percent == pytest.approx(found.peak_percent)
 
 
 def test_courses_are_flown_and_drawn(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("shipland.reproduce.landings.COURSES", {"turn90": "90° turn"})
-    monkeypatch.setattr("shipland.reproduce.landings.SPEEDS_MPS", (2.5,))
-    monkeypatch.setattr("shipland.reproduce.landings.FROM", ("start.distance_m=12", "start.distance_half_range_m=0"))
+    """By a made-up flight; that of touchdowns is a true one."""
+    flown = []
+
+    def landed(job):
+        flown.append((job.scenario.ship.course.kind, job.scenario.ship.course.speed_mps, job.seed))
+        if job.log is not None:
+            write_log(job.log, flight(from_s=20.0, pictures=False))
+        return GOOD
+
+    monkeypatch.setattr("shipland.reproduce.landings.land_quietly", landed)
     text = courses(tmp_path / "courses.png", load_scenario("near"))
     assert "90° turn, 2.5 m/s\n" in capsys.readouterr().err
-    assert text.splitlines()[-1].startswith("| 90° turn | 1 | 1 |")
+    assert flown[-3:] == [("turn90", 2.5, 3), ("turn90", 3.5, 4), ("turn90", 4.5, 5)]
+    assert text.splitlines()[-1].startswith("| 90° turn | 5 | 5 |")
     assert (tmp_path / "courses.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_the_packaged_detectors_find_both_targets_in_drawn_pictures(tmp_path, monkeypatch):
+    """Of each by itself: test_detector."""
     monkeypatch.setattr("shipland.reproduce.detections.DISTANCES_M", (60.0, 2000.0))
     lines = detections(tmp_path / "detections.png", load_scenario(scenario_table("near"))).splitlines()
     for near, far, width_px in ((lines[2], lines[3], 29.0), (lines[4], lines[5], 21.7)):
