@@ -137,7 +137,7 @@ def close_by(stick, **changes):
     return load_scenario("rig-natops", start=start, **still, **changes)
 
 
-@pytest.mark.parametrize("stick", ["attitude", "velocity"])
+@pytest.mark.parametrize("stick", [pytest.param("attitude", marks=pytest.mark.slow), "velocity"])
 @pytest.mark.parametrize("pilot", ["image_servoing", "spectral_mpc", "deck_following"])
 def test_a_rival_lands_in_still_air_and_begins_the_same_way_twice(pilot, stick):
     if pilot == "spectral_mpc":
