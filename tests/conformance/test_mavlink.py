@@ -57,10 +57,17 @@ FORWARD, DOWN, STILL = (20.0, 0.0, 0.0, 0.0), (0.0, 0.0, -40.0, 0.0), (0.0, 0.0,
 
 
 @contextmanager
-def flying_forward(kind: str = "ardupilot", **options: Any) -> Iterator[tuple[MavlinkVehicle, StandIn, Blank]]:
-    """A bench whose vehicle was opened and has flown forward for half a second."""
+def opened(kind: str = "ardupilot", **options: Any) -> Iterator[tuple[MavlinkVehicle, StandIn, Blank]]:
+    """A bench whose vehicle was opened."""
     with bench(kind, **options) as (vehicle, autopilot, camera):
         vehicle.open()
+        yield vehicle, autopilot, camera
+
+
+@contextmanager
+def flying_forward(kind: str = "ardupilot", **options: Any) -> Iterator[tuple[MavlinkVehicle, StandIn, Blank]]:
+    """A bench whose vehicle was opened and has flown forward for half a second."""
+    with opened(kind, **options) as (vehicle, autopilot, camera):
         assert fly(vehicle, 0.5, *FORWARD)
         yield vehicle, autopilot, camera
 
@@ -143,8 +150,7 @@ def test_interrupted_in_its_own_take_off_it_holds(kind: str) -> None:
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
 def test_no_motor_is_stopped_and_nothing_pressed_in_the_pilots_mode(kind: str) -> None:
     mode, name = POSITION[kind]
-    with bench(kind) as (vehicle, autopilot, _):
-        vehicle.open()
+    with opened(kind) as (vehicle, autopilot, _):
         assert fly(vehicle, 0.5, *DOWN, intent=Intent.LAND, low=True)
         assert vehicle.in_command == "shipland"
         autopilot.say(f"mode {mode}")
@@ -234,8 +240,7 @@ def test_a_pilot_who_chooses_a_mode_while_we_ask_is_not_overruled() -> None:
 
 def test_an_updraft_at_height_neither_presses_nor_stops_the_motors() -> None:
     """Throttle at 0.59 of hover at a constant sink reads as standing."""
-    with bench() as (vehicle, autopilot, _):
-        vehicle.open()
+    with opened() as (vehicle, autopilot, _):
         assert fly(vehicle, 0.3, *DOWN, intent=Intent.LAND)
         autopilot.say("updraft")
         for _ in range(3):
@@ -349,8 +354,7 @@ def test_without_a_transmitter_it_is_said_before_take_off(caplog: pytest.LogCapt
 
 
 def test_what_the_vehicle_says_is_wrong_stands_in_the_telemetry_until_it_is_not() -> None:
-    with bench() as (vehicle, autopilot, _):
-        vehicle.open()
+    with opened() as (vehicle, autopilot, _):
         autopilot.say("sick")
         until(lambda: vehicle.telemetry_at(time.monotonic()).alerts == "not healthy: 3d gyro")
         found = line(vehicle, "health")
@@ -495,8 +499,7 @@ def test_the_pictures_age_is_not_called_measured_where_it_was_stated() -> None:
 
 
 def test_sticks_become_tilt_climb_and_heading() -> None:
-    with bench() as (vehicle, autopilot, _):
-        vehicle.open()
+    with opened() as (vehicle, autopilot, _):
         assert math.degrees(vehicle.response().max_tilt_rad) == pytest.approx(15.0)
         assert fly(vehicle, 0.6, 50.0, -20.0, -40.0, 0.0)
         report = autopilot.report()
@@ -595,8 +598,7 @@ def test_lost_video_leaves_telemetry_and_ends_the_flight_in_time(ended: bool) ->
 
 
 def test_a_picture_that_stands_still_is_none() -> None:
-    with bench(video_timeout_s=1.0) as (vehicle, _, camera):
-        vehicle.open()
+    with opened(video_timeout_s=1.0) as (vehicle, _, camera):
         camera.picture = np.full((36, 64, 3), 90, np.uint8)
         pictures, end_s = [], time.monotonic() + 10.0
         while (pair := vehicle.read()) is not None and time.monotonic() < end_s:
@@ -642,8 +644,7 @@ def test_whoever_takes_the_vehicle_keeps_it(words: str, reason: str) -> None:
 
 
 def test_touchdown_on_a_moving_deck_stops_the_motors_by_force() -> None:
-    with bench() as (vehicle, autopilot, _):
-        vehicle.open()
+    with opened() as (vehicle, autopilot, _):
         assert fly(vehicle, 1.0, *DOWN, intent=Intent.LAND, low=True)
         assert autopilot.report()["armed"]  # low throttle alone is no touchdown: it has just begun to sink
         autopilot.say("deck")
@@ -655,8 +656,7 @@ def test_touchdown_on_a_moving_deck_stops_the_motors_by_force() -> None:
 
 def test_on_a_link_that_lags_no_motor_is_stopped_in_the_pilots_hands() -> None:
     """The touch that seems new is two seconds old: the pilot has taken over and lifted off since."""
-    with bench() as (vehicle, autopilot, _):
-        vehicle.open()
+    with opened() as (vehicle, autopilot, _):
         assert fly(vehicle, 1.0, *DOWN, intent=Intent.LAND, low=True)
         autopilot.say("lag 2")
         autopilot.say("deck")
@@ -678,8 +678,7 @@ OWN = Engagement(take=True, own_landing=True)
 @contextmanager
 def landing_by_itself(kind: str = "ardupilot") -> Iterator[tuple[MavlinkVehicle, StandIn]]:
     """In the autopilot's own landing."""
-    with bench(kind, engagement=OWN) as (vehicle, autopilot, _):
-        vehicle.open()
+    with opened(kind, engagement=OWN) as (vehicle, autopilot, _):
         assert fly(vehicle, 1.0, *DOWN, intent=Intent.LAND)
         assert autopilot.report()["mode"] == OWN_LANDING[kind]
         yield vehicle, autopilot
@@ -687,8 +686,7 @@ def landing_by_itself(kind: str = "ardupilot") -> Iterator[tuple[MavlinkVehicle,
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
 def test_where_the_autopilot_is_to_land_it_does_once_the_pilot_would(kind: str) -> None:
-    with bench(kind, engagement=OWN) as (vehicle, autopilot, _):
-        vehicle.open()
+    with opened(kind, engagement=OWN) as (vehicle, autopilot, _):
         assert fly(vehicle, 0.5, *STILL)
         assert vehicle.in_command == "shipland"
         assert fly(vehicle, 1.0, *DOWN, intent=Intent.LAND)
@@ -715,8 +713,7 @@ def test_an_own_landing_that_is_given_while_the_thread_that_asked_waits_is_ours(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """For the interpreter, which vision may hold: taken for a person's, it went on without being told of the deck."""
-    with bench(engagement=OWN) as (vehicle, _, _):
-        vehicle.open()
+    with opened(engagement=OWN) as (vehicle, _, _):
         command = Session.command
 
         def delayed(session: Session, number: int, *parameters: float) -> bool:
@@ -732,8 +729,7 @@ def test_an_own_landing_that_is_given_while_the_thread_that_asked_waits_is_ours(
 
 @pytest.mark.parametrize("intent", [Intent.LAND, Intent.GO_AROUND])
 def test_a_persons_landing_is_not_taken_for_one_that_was_denied(intent: Intent) -> None:
-    with bench(engagement=OWN) as (vehicle, autopilot, _):
-        vehicle.open()
+    with opened(engagement=OWN) as (vehicle, autopilot, _):
         autopilot.say("deny 9")
         assert fly(vehicle, 1.0, *DOWN, intent=Intent.LAND)
         assert vehicle.in_command == "shipland"
@@ -751,8 +747,7 @@ def test_a_persons_landing_is_not_taken_for_one_that_was_denied(intent: Intent) 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
 def test_an_own_landing_that_is_given_when_it_is_not_wanted_any_more_ends_in_a_hold(kind: str) -> None:
     """Granted, and not told yet, when the pilot goes around: it would land where it is, perhaps in the sea."""
-    with bench(kind, engagement=OWN) as (vehicle, autopilot, _):
-        vehicle.open()
+    with opened(kind, engagement=OWN) as (vehicle, autopilot, _):
         autopilot.say("lag 0.6")
         assert fly(vehicle, 2.0, *STILL)
         assert fly(vehicle, 0.3, *DOWN, intent=Intent.LAND)
@@ -765,8 +760,7 @@ def test_an_own_landing_that_is_given_when_it_is_not_wanted_any_more_ends_in_a_h
 
 def test_on_a_link_that_lags_our_end_takes_no_mode_from_a_person() -> None:
     """The heartbeat that shows our mode is two seconds old."""
-    with bench() as (vehicle, autopilot, _):
-        vehicle.open()
+    with opened() as (vehicle, autopilot, _):
         autopilot.say("lag 2")
         assert fly(vehicle, 3.5, *FORWARD)
         autopilot.say("mode 5")
@@ -776,8 +770,7 @@ def test_on_a_link_that_lags_our_end_takes_no_mode_from_a_person() -> None:
 
 
 def test_a_heartbeat_of_another_program_as_component_1_is_not_the_autopilots() -> None:
-    with bench() as (vehicle, _, _):
-        vehicle.open()
+    with opened() as (vehicle, _, _):
         beat = dialect.MAVLink_heartbeat_message(18, dialect.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
         link = vehicle.session.link
         link.take(Codec(1, 1).encode(beat), link._peer, time.monotonic())
@@ -837,8 +830,7 @@ def test_a_pilot_at_the_sticks_has_the_autopilots_own_landing_and_keeps_the_mode
 
 
 def test_the_autopilots_own_landing_is_not_asked_for_in_a_mode_that_a_person_chose_unheard() -> None:
-    with bench(engagement=OWN) as (vehicle, autopilot, _):
-        vehicle.open()
+    with opened(engagement=OWN) as (vehicle, autopilot, _):
         assert fly(vehicle, 0.5, *STILL)
         autopilot.say("mute 1.2")
         time.sleep(0.4)
@@ -850,8 +842,7 @@ def test_the_autopilots_own_landing_is_not_asked_for_in_a_mode_that_a_person_cho
 
 def test_a_pilot_at_the_sticks_has_it_alone_after_a_flight_that_has_ended() -> None:
     """Nor does the guard of the link hold then."""
-    with bench(video_timeout_s=0.5) as (vehicle, autopilot, camera):
-        vehicle.open()
+    with opened(video_timeout_s=0.5) as (vehicle, autopilot, camera):
         camera.frozen = True
         assert until(lambda: vehicle.read() is None)
         autopilot.say("deaf 100")
@@ -908,8 +899,7 @@ def test_no_mode_is_asked_for_before_a_heartbeat_after_the_machine_was_suspended
 
 def test_a_parameter_that_changes_what_sticks_mean_ends_the_flight_in_a_hold() -> None:
     """With GUID_OPTIONS = 8 the thrust that asks for a descent is a thrust far below the weight."""
-    with bench() as (vehicle, autopilot, _):
-        vehicle.open()
+    with opened() as (vehicle, autopilot, _):
         assert fly(vehicle, 0.5, 20.0, 0.0, -50.0, 0.0)
         autopilot.say("set WPNAV_SPEED 600")  # no stick means it
         autopilot.say("set MOT_THST_HOVER 0.4")  # it learns that by itself
@@ -1030,8 +1020,7 @@ def test_a_stop_while_we_wait_for_the_operator_is_answered_at_once() -> None:
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
 def test_after_a_touch_the_descent_goes_on_whatever_the_pilot_does(kind: str) -> None:
-    with bench(kind) as (vehicle, autopilot, _):
-        vehicle.open()
+    with opened(kind) as (vehicle, autopilot, _):
         assert fly(vehicle, 1.0, 0.0, 0.0, -80.0, 0.0, intent=Intent.LAND)
         autopilot.say("deck")
         assert fly(vehicle, 0.3, 0.0, 0.0, -80.0, 0.0, intent=Intent.LAND, low=True)  # too short to tell that it stands
@@ -1040,8 +1029,7 @@ def test_after_a_touch_the_descent_goes_on_whatever_the_pilot_does(kind: str) ->
 
 
 def test_the_motors_are_not_stopped_while_not_landing() -> None:
-    with bench() as (vehicle, autopilot, _):
-        vehicle.open()
+    with opened() as (vehicle, autopilot, _):
         autopilot.say("deck")
         assert fly(vehicle, 2.5, *DOWN, low=True)
         assert not commands(autopilot, 400)
@@ -1049,8 +1037,7 @@ def test_the_motors_are_not_stopped_while_not_landing() -> None:
 
 def test_signed_links_refuse_the_unsigned() -> None:
     key = bytes(range(32))
-    with bench(key=key) as (vehicle, autopilot, _):
-        vehicle.open()
+    with opened(key=key) as (vehicle, autopilot, _):
         assert fly(vehicle, 0.5, 40.0, 0.0, 0.0, 0.0)
         assert autopilot.report()["target"] == "tilt"
     with bench(key=key, other_key=None, connect_timeout_s=1.5) as (vehicle, _, _):
@@ -1060,8 +1047,7 @@ def test_signed_links_refuse_the_unsigned() -> None:
 
 
 def test_set_points_keep_their_pace() -> None:
-    with bench() as (vehicle, _, _):
-        vehicle.open()
+    with opened() as (vehicle, _, _):
         assert fly(vehicle, 1.5, *FORWARD)
         late = sorted(vehicle.late_s)
         assert 50 <= len(late) <= 200  # 50 Hz since opening; how late: tools/set_point_pace.py

@@ -194,17 +194,6 @@ def test_a_folder_that_cannot_be_written_is_one_line(plan, tmp_path):
 EMPTY_KEY = dict.fromkeys(("version", "source", "configuration", "pilot", "vision", "own_code", "weights"), "")
 
 
-@full_disk
-def test_a_full_disk_is_one_line(tmp_path):
-    (tmp_path / "landings.csv").write_text(",".join(COLUMNS) + "\n")
-    (tmp_path / "campaign.json").write_text(json.dumps(EMPTY_KEY))
-    folder = folder_in(tmp_path, EMPTY_KEY)
-    (tmp_path / "landings.csv").unlink()
-    (tmp_path / "landings.csv").symlink_to("/dev/full")
-    with pytest.raises(DataError, match="No space left on device"):
-        folder.append(GOOD)
-
-
 def test_a_text_holds_what_ends_a_line_elsewhere(tmp_path):
     folder, odd = folder_in(tmp_path, EMPTY_KEY), replace(GOOD, reason="one\u2028two\x85three")
     folder.append(odd)
