@@ -158,8 +158,6 @@ BAD_VALUE = "[wind]\nmean_mps = -3.0\n"
         (("fly", "--calibration", "camera.yaml"), "give --vehicle too"),
         (("fly", "--check"), "give --vehicle too"),
         (("fly", "--vehicle", "replay://film.mp4", "--wind-mps=-9"), "--wind-mps must be 0 or more"),
-        (("fly", "--vehicle", "replay://film.mp4", "--check"), "there is nothing to check"),
-        (("fly", "--vehicle", "replay://film.mp4", "--wind-mps", "9"), "no wind moves a recording"),
         (("serve-physics", "--interface", "ros2", "--port", "9002"), "--port is of json and px4"),
         (("campaign", "--out", "file.txt/out"), "cannot be written"),
         (("compare", "here", "there"), "holds no campaign"),

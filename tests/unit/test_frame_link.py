@@ -11,7 +11,7 @@ from made_up_flight import VERDICT
 from pictures import write_film
 from ports import free_port
 from shipland.camera import Camera
-from shipland.errors import ConfigError
+from shipland.errors import ConfigError, VehicleError
 from shipland.scenario.scenario import load_scenario
 from shipland.sitl.frame_server import FrameServer
 from shipland.sitl.physics import LaunchHold
@@ -75,3 +75,9 @@ def test_the_newest_picture_of_a_file(tmp_path: Path) -> None:
     assert wrong.newest(-1e9, 3.0) is None
     assert "160 × 96" in wrong.problem
     wrong.close()
+
+
+@pytest.mark.parametrize(("host", "words"), [("192.0.2.1", "assign"), ("no.such.host.invalid", "not known|resolution")])
+def test_an_address_that_is_not_ours_is_no_port_that_is_taken(host: str, words: str) -> None:
+    with pytest.raises(VehicleError, match=words):
+        FrameServer(load_scenario("rig-natops"), 3, host, free_port(), False)

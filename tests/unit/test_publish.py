@@ -1,16 +1,21 @@
 """Our vision in an autopilot's words."""
 
 import math
+import time
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 pytest.importorskip("pymavlink")
 
+from shipland.camera import Camera
+from shipland.commands.publish import Publish
 from shipland.frames import rotation_from_euler
-from shipland.messages import BarPose, GimbalAttitude, Observation
+from shipland.messages import BarPose, Frame, GimbalAttitude, Observation
+from shipland.scenario.scenario import load_scenario
 from shipland.vehicles.mavlink.publish import Mounting, landing_target, position_estimate, tell
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState
 
@@ -100,3 +105,36 @@ def test_no_pad_is_told_from_a_place_or_an_attitude_that_stands_still(autopilot:
         session.state = replace(session.state, **place)
         assert tell(session, seen, MOUNTING) is (autopilot == ARDUPILOT)
     assert len(sent) == (2 if autopilot == ARDUPILOT else 0)
+
+
+def test_what_a_flight_refuses_is_told_to_no_autopilot(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = time.monotonic()
+    frame, seen = Frame(now_s - 0.1, None, LEVEL), replace(pose(), corners_px=np.ones((8, 2)))
+    shown = iter([
+        (replace(frame, t_s=now_s - 0.2), pose()),
+        (frame, pose()),  # the stream stands still
+        (replace(frame, gimbal_age_s=math.inf), seen),  # nobody knows where the camera looked
+        (replace(frame, t_s=now_s - 0.3), seen),  # older than the last
+        (frame, replace(seen, position_in_bar_m=np.full(3, math.nan))),
+        (frame, replace(seen, corners_px=np.full((8, 2), 2.0))),
+    ])  # fmt: skip
+    newest: list[BarPose] = []
+    told: list[bool] = []
+
+    def look(_: float) -> Frame | None:
+        frame, newest[:] = next(((frame, [pose]) for frame, pose in shown), (None, []))
+        return frame
+
+    def see(frame: Frame) -> Observation:
+        return Observation(frame.t_s, frame.gimbal, newest[0])
+
+    def tell(seen: Observation, position: bool) -> bool:
+        told.append(seen.bar_pose is not None and not position)
+        return told[-1]
+
+    monkeypatch.setattr("shipland.vision.near.pipeline.NearVision", lambda *_: SimpleNamespace(see=see))
+    vehicle: Any = SimpleNamespace(
+        camera=Camera.from_fov(64, 48, 69.0), inform_of=lambda *_: None, look=look, tell=tell
+    )
+    assert Publish()._publish(vehicle, load_scenario("near")) == 2
+    assert told == [True, False, False, False, False, True]

@@ -11,6 +11,7 @@ from made_up_flight import flight
 from shipland.aside import Aside
 from shipland.commands.fly import Fly, ProgressLine
 from shipland.commands.terminal import Terminal
+from shipland.errors import ConfigError
 from shipland.scenario.fly import Flown
 from waiting import until
 
@@ -193,3 +194,29 @@ def test_a_check_leaves_an_earlier_flight_s_messages_alone(tmp_path, monkeypatch
     monkeypatch.setattr("shipland.commands.fly._LISTENING_S", 0.0)
     assert Fly(vehicle="fake://here", out=tmp_path, check=True).run() == 0
     assert logs == ["check.tlog"]
+
+
+def test_a_vehicle_that_was_connected_is_let_go_of_whatever_keeps_the_flight_from_beginning(tmp_path, monkeypatch):
+    class Counted(Fit):
+        camera, closed = None, 0
+
+        def close(self):
+            self.closed += 1
+
+    vehicle = Counted()
+
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("shipland.commands.fly.Fly._outside", lambda *_: vehicle)
+    monkeypatch.setattr("shipland.api.fly", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        Fly(vehicle="fake://here", out=tmp_path).run()
+    assert vehicle.closed == 1
+
+
+@pytest.mark.parametrize("option", [{"check": True}, {"wind_mps": 9.0}])
+def test_options_of_a_vehicle_outside_are_refused_with_a_recording(option, tmp_path, monkeypatch):
+    monkeypatch.setattr("shipland.scenario.real_vehicle.make_vehicle", lambda *_: object())
+    with pytest.raises(ConfigError, match="nothing to check, and no wind"):
+        Fly(vehicle="replay://film.mp4", out=tmp_path, **option).run()

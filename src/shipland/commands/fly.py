@@ -88,10 +88,11 @@ class Fly(ScenarioOptions):
             response = identified(self.vehicle_config, response_of(scenario))
         if self.vehicle is not None:
             vehicle = self._outside(self.vehicle, scenario, terminal)
-            if self.check:
-                vehicle.close()
-                return 0
         with ExitStack() as stack:
+            if vehicle is not None:
+                stack.callback(vehicle.close)  # also where no flight begins; again does nothing
+            if self.check:
+                return 0
             live = self._live(scenario, vehicle, terminal, stack) if self.live else None
             progress = stack.enter_context(ProgressLine(terminal, vehicle))
             override = no_override if vehicle is None else stack.enter_context(Keys().listening()).override
@@ -156,14 +157,9 @@ class Fly(ScenarioOptions):
 
         camera = Camera.from_parameters(scenario.camera) if vehicle is None else vehicle.camera
         info = flight_info(scenario, self.pilot, self.vision, self.seed, command_line())
-        try:
-            live = stack.enter_context(LiveView(info, scenario.rig, camera, self.live_port))
-            self.out.mkdir(parents=True, exist_ok=True)
-            write_layout(self.out / LAYOUT_NAME)
-        except BaseException:
-            if vehicle is not None:
-                vehicle.close()
-            raise
+        live = stack.enter_context(LiveView(info, scenario.rig, camera, self.live_port))
+        self.out.mkdir(parents=True, exist_ok=True)
+        write_layout(self.out / LAYOUT_NAME)
         terminal.say(f"live on {live.address}: open it in Foxglove; layout: {self.out / LAYOUT_NAME}")
         if vehicle is None:
             terminal.status("waiting for a viewer, a minute at most")
@@ -186,6 +182,8 @@ class Fly(ScenarioOptions):
         log = self.out / ("check.tlog" if self.check else "link.tlog")
         vehicle = make_vehicle(address, scenario, self.calibration, self.vehicle_config, log)
         if not isinstance(vehicle, Real):
+            if self.check or self.wind_mps is not None:
+                raise ConfigError(f"{address} is no vehicle outside: there is nothing to check, and no wind moves it")
             return vehicle
         terminal.say("rehearsing in the simulator")
         # a pilot's first run compiles and imports for seconds, in which a vehicle in the air would get no command

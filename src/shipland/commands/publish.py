@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -56,9 +57,14 @@ class Publish(ScenarioOptions):
         return 0
 
     def _publish(self, vehicle: MavlinkVehicle | Ros2Vehicle, scenario: Scenario) -> int:
-        """How many poses were sent; ROS 2 is told of corners, the bar's box and the ship's: what a flight looks at."""
+        """How many poses were sent; ROS 2 is told of corners, the bar's box and the ship's: what a flight looks at.
+
+        What a flight refuses is no pose here either.
+        """
         import numpy as np
 
+        from shipland.messages import Observation
+        from shipland.safety.input_gate import InputGate, without_repeated
         from shipland.scenario.visions import VisionSetup, rendered
         from shipland.vehicles.ros2.vehicle import Ros2Vehicle
         from shipland.vision.near.pipeline import NearVision
@@ -69,9 +75,14 @@ class Publish(ScenarioOptions):
             rng = np.random.default_rng(0)  # this vision draws no numbers
             vision = rendered(VisionSetup(scenario, vehicle.camera, vehicle, rng, rng))
         vehicle.inform_of(scenario.rig, np.array(scenario.camera.position_in_body_m))
-        count = 0
+        count, gate, failures = 0, InputGate(), set[type[BaseException]]()
+        before: Observation | None = None
         while (frame := vehicle.look(2.0)) is not None:
-            seen = see_or_degrade(vision, frame)
+            gate, frame, refused = gate._replace(now_s=time.monotonic()).frame(frame)
+            seen = Observation(frame.t_s, frame.gimbal, reason=refused)
+            if not refused:
+                new = see_or_degrade(vision, frame, failures)
+                seen, before = gate.observation(without_repeated(new, before), frame, vehicle.camera), new
             if isinstance(vehicle, Ros2Vehicle):
                 vehicle.tell(seen)
                 count += seen.bar_pose is not None

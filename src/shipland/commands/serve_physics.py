@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from shipland.commands.options import ScenarioOptions, check_between, say
+from shipland.errors import ConfigError
 
 if TYPE_CHECKING:
     from shipland.messages import TouchdownVerdict
@@ -51,6 +52,8 @@ class ServePhysics(ScenarioOptions):
         from shipland.api import checked_seed
 
         check_between(0, 65535, port=self.port, frames_port=self.frames_port)
+        if self.interface == "ros2" and self.port is not None:
+            raise ConfigError("--port is of json and px4: ros2 has topics, see --namespace")
         scenario, seed = self.load(), checked_seed(self.seed)
         verdict = self._over_ros2(scenario, seed) if self.interface == "ros2" else self._over_link(scenario, seed)
         print("no touchdown" if verdict is None else verdict.reason)

@@ -39,8 +39,8 @@ class FrameServer(AbstractContextManager["FrameServer"]):
         context = multiprocessing.get_context("spawn")  # an OpenGL context does not survive a fork
         try:
             self._listener = socket.create_server((host, port))
-        except OSError:
-            raise VehicleError(f"cannot listen on {host}:{port}: the port is taken") from None
+        except OSError as error:
+            raise VehicleError(f"cannot listen on {host}:{port}: {error.strerror}") from None
         near, far = context.Pipe(duplex=False)
         self._link = far
         self._process = context.Process(
