@@ -176,7 +176,7 @@ def test_a_table_of_any_content_is_one_line(table, damage):
 
 
 def test_a_second_campaign_in_the_folder_is_refused(plan):
-    with open_campaign(plan), pytest.raises(DataError, match="another campaign flies in this folder"):
+    with open_campaign(plan), pytest.raises(DataError, match="another program flies in this folder"):
         run_campaign(plan)
     unfinished = plan.out / "flights" / ".1.mcap.14278.part"  # of a campaign that was killed
     unfinished.parent.mkdir()

@@ -209,7 +209,7 @@ def test_a_full_disk_is_one_line_after_the_flight(tmp_path, here):
     assert last.startswith("shipland: the flight is not on record as asked: log given up:")
     assert "No space left on device" in last
     assert done.stderr.count("No space left") == 1
-    assert sorted(path.name for path in tmp_path.iterdir() if path.is_file()) == [
+    assert sorted(path.name for path in tmp_path.glob("[!.]*") if path.is_file()) == [
         "foxglove-layout.json", "timing.json",
     ]  # fmt: skip
 
@@ -251,7 +251,7 @@ def test_a_connection_that_is_lost_ends_the_flight_in_order(tmp_path):
             assert process.wait(120.0) == 130
         finally:
             process.kill()
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
+    assert sorted(path.name for path in tmp_path.glob("[!.]*")) == [
         "flight.mcap", "foxglove-layout.json", "plots.png", "summary.json", "timing.json",
     ]  # fmt: skip
     assert read_log(tmp_path / "flight.mcap").complete

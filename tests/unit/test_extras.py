@@ -90,7 +90,7 @@ def test_the_base_flies_films_and_says_what_is_missing(tmp_path):
     assert "no side-by-side.png: pip install 'shipland[plots]'" in done.stderr
     assert "no plots.png: pip install 'shipland[plots]'" in done.stderr
     assert "H.264: pip install 'shipland[film]'" in done.stderr
-    names = {path.name for path in (tmp_path / "out").iterdir()}
+    names = {path.name for path in (tmp_path / "out").glob("[!.]*")}
     assert names == {"flight.mcap", "flight.mp4", "foxglove-layout.json", "summary.json", "timing.json"}
     assert (tmp_path / "out" / "flight.mp4").stat().st_size > 1000
 

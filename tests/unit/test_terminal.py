@@ -11,7 +11,8 @@ from made_up_flight import flight
 from shipland.aside import Aside
 from shipland.commands.fly import Fly, ProgressLine
 from shipland.commands.terminal import Terminal
-from shipland.errors import ConfigError
+from shipland.errors import ConfigError, DataError
+from shipland.evaluation.folder import claimed
 from shipland.scenario.fly import Flown
 from waiting import until
 
@@ -220,3 +221,10 @@ def test_options_of_a_vehicle_outside_are_refused_with_a_recording(option, tmp_p
     monkeypatch.setattr("shipland.scenario.real_vehicle.make_vehicle", lambda *_: object())
     with pytest.raises(ConfigError, match="nothing to check, and no wind"):
         Fly(vehicle="replay://film.mp4", out=tmp_path, **option).run()
+
+
+def test_two_programs_do_not_write_over_one_another_s_record(tmp_path, monkeypatch):
+    """The second is refused before it connects: the link's log of the first would be gone too."""
+    monkeypatch.setattr("shipland.scenario.real_vehicle.make_vehicle", lambda *_: pytest.fail("made"))
+    with claimed(tmp_path), pytest.raises(DataError, match="in this folder; wait"):
+        Fly(vehicle="fake://here", out=tmp_path).run()

@@ -77,18 +77,18 @@ class Fly(ScenarioOptions):
 
     def _fly(self, terminal: Terminal) -> int:
         from shipland.api import fly
+        from shipland.evaluation.folder import claimed
         from shipland.flight import no_override
         from shipland.scenario.autonomy import response_of
         from shipland.scenario.real_vehicle import Keys, identified
 
         self._refuse_wrong_options()
-        scenario, vehicle = self.load(), None
-        response = None
+        scenario, response = self.load(), None
         if self.vehicle is None and self.vehicle_config is not None:
             response = identified(self.vehicle_config, response_of(scenario))
-        if self.vehicle is not None:
-            vehicle = self._outside(self.vehicle, scenario, terminal)
         with ExitStack() as stack:
+            stack.enter_context(claimed(self.out))
+            vehicle = None if self.vehicle is None else self._outside(self.vehicle, scenario, terminal)
             if vehicle is not None:
                 stack.callback(vehicle.close)  # also where no flight begins; again does nothing
             if self.check:
@@ -224,7 +224,7 @@ def _report(terminal: Terminal, command: Fly, flight: Flight) -> None:
         )
     if terminal.lost:
         terminal.say(f"{terminal.lost} lines were not shown: the terminal stood still")
-    names = ", ".join(sorted(path.name for path in command.out.iterdir() if path.is_file()))
+    names = ", ".join(sorted(path.name for path in command.out.glob("[!.]*") if path.is_file()))
     terminal.say(f"{command.out}: {names or 'nothing could be written'}")
     if not installed("plots"):
         terminal.say("no plots.png: pip install 'shipland[plots]'")

@@ -196,7 +196,7 @@ def claimed(out: Path) -> Iterator[None]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise DataError(f"{out}: another campaign flies in this folder; wait for it, or give another") from None
+            raise DataError(f"{out}: another program flies in this folder; wait for it, or give another") from None
         remove_unfinished(out)
         yield
     finally:
