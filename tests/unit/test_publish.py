@@ -13,11 +13,13 @@ pytest.importorskip("pymavlink")
 
 from shipland.camera import Camera
 from shipland.commands.publish import Publish
+from shipland.errors import ConfigError
 from shipland.frames import rotation_from_euler
 from shipland.messages import BarPose, Frame, GimbalAttitude, Observation
 from shipland.scenario.scenario import load_scenario
 from shipland.vehicles.mavlink.publish import Mounting, landing_target, position_estimate, tell
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState
+from shipland.vehicles.ros2.vehicle import Ros2Vehicle
 
 CAMERA_M = np.array([0.1, 0.0, 0.02])
 PAD_M = np.array([-2.0, 0.3, 0.8])
@@ -138,3 +140,11 @@ def test_what_a_flight_refuses_is_told_to_no_autopilot(monkeypatch: pytest.Monke
     )
     assert Publish()._publish(vehicle, load_scenario("near")) == 2
     assert told == [True, False, False, False, False, True]
+
+
+def test_a_position_for_ros_2_is_refused_before_anything_is_connected(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = Ros2Vehicle.__new__(Ros2Vehicle)
+    monkeypatch.setattr("shipland.scenario.real_vehicle.make_vehicle", lambda *_: made)
+    monkeypatch.setattr(Ros2Vehicle, "connect", lambda _: pytest.fail("connected"))
+    with pytest.raises(ConfigError, match="--position is for an autopilot"):
+        Publish(vehicle="ros2://drone", position=True).run()

@@ -40,6 +40,7 @@ class Publish(ScenarioOptions):
         """Publish until the camera ends or Ctrl-C."""
         from shipland.errors import ConfigError
         from shipland.scenario.real_vehicle import make_vehicle
+        from shipland.vehicles.ros2.vehicle import Ros2Vehicle
         from shipland.vehicles.setpoint_vehicle import SetpointVehicle
 
         scenario = self.load()
@@ -47,6 +48,8 @@ class Publish(ScenarioOptions):
         if not isinstance(made, SetpointVehicle):  # of either's own class the other's extra may be missing
             raise ConfigError(f"--vehicle {self.vehicle}: only mavlink:// and ros2:// vehicles take these messages")
         vehicle = cast("MavlinkVehicle | Ros2Vehicle", made)
+        if self.position and isinstance(vehicle, Ros2Vehicle):
+            raise ConfigError("--position is for an autopilot: ROS 2 gets the cue's pose without it")
         say(f"connecting to {self.vehicle}")
         vehicle.connect()
         try:
