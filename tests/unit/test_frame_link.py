@@ -1,6 +1,8 @@
 """Pictures from outside: a served world's frames, a stream's newest picture."""
 
 import itertools
+import os
+import signal
 import time
 from pathlib import Path
 
@@ -81,3 +83,23 @@ def test_the_newest_picture_of_a_file(tmp_path: Path) -> None:
 def test_an_address_that_is_not_ours_is_no_port_that_is_taken(host: str, words: str) -> None:
     with pytest.raises(VehicleError, match=words):
         FrameServer(load_scenario("rig-natops"), 3, host, free_port(), False)
+
+
+def test_a_ctrl_c_is_answered_by_whoever_serves_not_by_the_camera_s_process() -> None:
+    """It reaches all processes of a terminal; a second traceback tells nobody anything."""
+    scenario, port = load_scenario("rig-natops"), free_port()
+    world = LaunchHold(scenario, 3, 0.9).world
+    with FrameServer(scenario, 3, "127.0.0.1", port, False) as server:
+        stream = CameraStream(FrameSource.at(f"frames:127.0.0.1:{port}", Camera.from_parameters(scenario.camera)))
+        stream.start()
+        turns = itertools.count()
+
+        def seen_since(t_s: float) -> bool:
+            server.show(next(turns) / 30.0, world.snapshot())
+            return stream.newest(t_s, 0.04) is not None
+
+        until(lambda: seen_since(-1e9))
+        os.kill(server._process.pid or 0, signal.SIGINT)
+        now_s = time.monotonic() + 0.2
+        until(lambda: seen_since(now_s))
+        stream.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import multiprocessing
+import signal
 import socket
 import threading
 from contextlib import AbstractContextManager, suppress
@@ -73,7 +74,9 @@ class FrameServer(AbstractContextManager["FrameServer"]):
 
 
 def _serve_frames(link: Connection, listener: socket.socket, scenario: Scenario, seed: int, pictures: bool) -> None:
-    """The process: exposures in, frames out to the newest who connected."""
+    """The process: exposures in, frames out to the newest who connected; whoever serves ends it."""
+    for which in (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT):  # they reach the whole group
+        signal.signal(which, signal.SIG_IGN)
     clients: list[socket.socket] = []
     threading.Thread(target=_accept, args=(listener, clients), daemon=True).start()
     ship, camera = drawn_ship(scenario, seed), Camera.from_parameters(scenario.camera)
