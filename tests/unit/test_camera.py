@@ -28,7 +28,6 @@ def distorted(request, camera):
 
 
 class TestProjection:
-
     @pytest.mark.parametrize(
         ("point_m", "k1", "pixel"),
         [

@@ -68,14 +68,15 @@ def test_a_folder_of_logs_gives_three_pictures(records, tmp_path):
     assert all(path.stat().st_size > 5000 for path in paths)
 
 
-def test_flights_of_several_pilots_are_named_by_all_of_them(records, unarranged, tmp_path, monkeypatch):
+def test_flights_of_several_pilots_are_named_by_all_of_them(records, tmp_path, monkeypatch):
     titles = []
-    monkeypatch.setattr("shipland.reproduce.flight_figures.plot_trajectories", lambda *args: titles.append(args[2]))
+    for name in ("trajectories", "commands", "touchdowns"):
+        monkeypatch.setattr(f"shipland.reproduce.flight_figures.plot_{name}", lambda *args: titles.append(args[2:3]))
     for pilot in ("paper", "horizon"):
         info = dataclasses.replace(INFO, pilot=pilot)
         write_log(tmp_path / f"{pilot}.mcap", records[::40], info=info)
     figures_of_flights(tmp_path, tmp_path / "out")
-    assert titles == ["made-up, pilot paper, horizon, 2 flights"]
+    assert titles[0] == ("made-up, pilot paper, horizon, 2 flights",)
 
 
 def test_a_folder_without_flights_is_said_in_words(tmp_path):

@@ -59,7 +59,8 @@ def test_the_same_seed_and_actions_repeat():
     assert not np.array_equal(first[0], other[0])
 
 
-def test_a_flight_that_never_comes_near_is_refused_in_one_line():
+def test_a_flight_that_never_comes_near_is_refused_in_one_line(monkeypatch):
+    monkeypatch.setattr("shipland.environments.flight_env._DRAWS", 2)
     env = LastPhaseEnv(overrides={"time_limit_s": 1.0})
     for seed in (1, None):
         with pytest.raises(ConfigError, match="before an action is due") as found:

@@ -1,6 +1,7 @@
 """The paper's figures: what is measured in them, against made-up traces and short flights."""
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -252,7 +253,7 @@ def test_courses_are_flown_and_drawn(tmp_path, monkeypatch, capsys):
     def landed(job):
         flown.append((job.scenario.ship.course.kind, job.scenario.ship.course.speed_mps, job.seed))
         if job.log is not None:
-            write_log(job.log, flight(from_s=20.0, pictures=False))
+            write_log(job.log, itertools.islice(flight(pictures=False), 0, None, 10))
         return GOOD
 
     monkeypatch.setattr("shipland.reproduce.landings.land_quietly", landed)
