@@ -57,7 +57,7 @@ GONE = {
     "guidance.horizon.descent.relax_per_s": "wait_cost says how long good odds are waited for",
     "guidance.horizon.lull_mps": "the odds of a landing know how the bar moves",
     "guidance.horizon.levelling.touch_deg": "the odds of a landing hold the tilt at contact",
-    "guidance.horizon.levelling.touch_m": "guidance.horizon.descent.touch_m begins the final descent",
+    "guidance.horizon.levelling.touch_m": "guidance.horizon.descent.touch_m says what counts as a touch",
     "guidance.horizon.levelling.touch_offset_m": "the odds of a landing hold the offset at contact",
     "guidance.horizon.measured.flow": "velocity_reference of [response] says what the velocity is against",
     "guidance.horizon.wave.deck.followed": "a deck below a bar at rest moves by itself",

@@ -705,3 +705,21 @@ def test_a_tilt_that_is_told_no_more_becomes_no_wind():
         estimate = estimator.updated(Observation(cycle / 30.0, GimbalAttitude(0.0, 0.0)), telemetry)
     held = sticks_of(Rung.HOLD, estimate, 20.0, 0.0, TILTS, RECOVERY)
     assert abs(held.pitch_percent) < 15.0
+
+
+@pytest.mark.parametrize("over_deck_m", [0.4, 3.0])
+def test_a_command_that_is_no_number_is_no_pilot_low_over_the_deck(over_deck_m):
+    """Held there, the aircraft would be struck by a deck that heaves; high above, the vehicle holds."""
+    flight = Flight(over_deck(over_deck_m)).fly(1.0, {})
+    flight.fly(3.0, {**LANDING, "pitch_percent": math.nan})
+    assert "command not finite" in flight.said
+    assert flight.over_deck_m > min(over_deck_m, PARAMETERS.floor_m) - 0.05
+    assert ("go around" in flight.said) == (over_deck_m < PARAMETERS.floor_m)
+
+
+def test_a_wave_off_that_is_seen_late_counts_from_then():
+    flight = Flight(over_deck(0.6)).fly(1.0, {})
+    flight.late = [(flight.t_s - 2.0, flight.place_m.copy())] * 2
+    flight.waves_off = True
+    flight.fly(STEP_S, {**LANDING, "heave_percent": 0.0})
+    assert "waved off by the ship's red light: go_around" in flight.said

@@ -115,7 +115,10 @@ class Safety:
         self._axes.take(self._last, telemetry)
         if override is not None:
             decision = by_hand(decision, override, telemetry.t_s, self._last)
-        command, notes = self._sound(decision.command, telemetry.t_s)
+        elif not all(map(math.isfinite, (*decision.command.sticks_percent, decision.command.gimbal_pitch_rad))):
+            reason = "; ".join(filter(None, (decision.reason, "command not finite")))
+            decision = self.without_pilot(reason, telemetry, self._last)
+        command, notes = self._fresh(decision.command, telemetry.t_s)
         look = self._look(command, telemetry)
         after = next_switch(self._switch, look, findings(look), self._parameters.recovery)
         self._switch = after if override is None else Switch()
@@ -144,11 +147,9 @@ class Safety:
         climb = replace(hold, heave_percent=_CLIMB_PERCENT, intent=Intent.GO_AROUND)
         return Decision(climb, Mode.GO_AROUND, f"{reason}: go around")
 
-    def _sound(self, command: PilotCommand, t_s: float) -> tuple[PilotCommand, list[str]]:
-        """The pilot's command at this time, or a hold where it is no number or flown on data that is too old."""
+    def _fresh(self, command: PilotCommand, t_s: float) -> tuple[PilotCommand, list[str]]:
+        """The pilot's command at this time, or a hold where it is flown on data that is too old."""
         notes = list[str]()
-        if not all(map(math.isfinite, (*command.sticks_percent, command.gimbal_pitch_rad))):
-            command, notes = PilotCommand.hold(t_s, _gimbal_rad(command, self._last)), ["command not finite: hold"]
         stale_s = t_s - self._estimate.seen_s
         if command.intent is Intent.FLY and stale_s > self._parameters.stale_s and any(command.sticks_percent):
             command = PilotCommand.hold(t_s, command.gimbal_pitch_rad)

@@ -94,7 +94,7 @@ class SafetyEstimate(NamedTuple):
         largest_tilt_rad: largest tilt against the vertical of about the last second.
         leap_m: by which the newest pose contradicts the way from those before; 0 for one that does not.
         deck_down_m: of the neutral deck below the bar.
-        waved_off_s: exposure of the newest picture in which the ship's status light is red.
+        waved_off_s: when a picture was last flown on in which the ship's status light is red, however late it came.
         scale: distances by poses over those of the vehicle's own way; 1 where that is not judged.
         scale_sigma: its standard deviation; infinite where it is not judged.
         contradicted_s: exposures of the last `_CONTRADICTED_S` whose bar contradicts the gimbal.
@@ -236,7 +236,7 @@ class SafetyEstimator:
         told = (*[math.nan if it is None else it for it in values], *velocity_mps)
         _take_telemetry(records, self._ways, self._sights, times_s, told)
         if observation.waves_off:
-            records["waved_off_s"] = t_s
+            records["waved_off_s"] = telemetry.t_s
         pose, deck, bar, ship = observation.nose_pose, observation.deck, observation.bar_box, observation.ship_box
         seen = () if pose is None else (*pose.position_in_bar_m.tolist(), pose.yaw_rad)
         if not math.isfinite(told[0] + sum(velocity_mps)):

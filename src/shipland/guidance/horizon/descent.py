@@ -68,13 +68,10 @@ class Outlook:
     climb_in_s: float
     hover_height_m: float
 
-    def over_contact_m(self, parameters: DescentParameters) -> float:
-        """Height over that of a contact."""
-        return self.height_m - parameters.contact_height_m
-
     def touches(self, parameters: DescentParameters) -> bool:
         """A foot would touch before a climb could come about."""
-        return self.over_contact_m(parameters) < parameters.touch_m + max(self.sink_mps, 0.0) * self.climb_in_s
+        over_contact_m = self.height_m - parameters.contact_height_m
+        return over_contact_m < parameters.touch_m + max(self.sink_mps, 0.0) * self.climb_in_s
 
 
 def next_descent(before: Descent | None, outlook: Outlook, parameters: DescentParameters) -> Descent:
@@ -84,13 +81,10 @@ def next_descent(before: Descent | None, outlook: Outlook, parameters: DescentPa
         return descent
     odds = Odds(outlook.odds).after(descent.odds, outlook.step_s)
     descent = replace(descent, odds=odds, rate_mps=0.0)
-    final_descent = Descent(Phase.FINAL_DESCENT, outlook.now_s, 0.0, odds=odds)
-    if outlook.over_contact_m(parameters) < parameters.touch_m:
-        return final_descent
     if outlook.touches(parameters):
         # By mischance: it is as good a moment as any, or one to climb from.
-        if descent.phase is Phase.WAIT and odds.now >= odds.mean:
-            return final_descent
+        if odds.now >= odds.mean:
+            return Descent(Phase.FINAL_DESCENT, outlook.now_s, 0.0, odds=odds)
         height_m = max(descent.height_m, parameters.wait_height_m)
         return replace(descent, height_m=height_m, rate_mps=parameters.sink_mps)
     if descent.phase is Phase.SINK:

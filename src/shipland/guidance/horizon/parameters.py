@@ -114,7 +114,7 @@ class DescentParameters:
     wait_cost: float = key(
         0.003, "landings that it costs to wait for another moment; large: any moment will do", ge=0, le=1
     )
-    touch_m: float = scaled(0.02, "this near to contact the final descent begins: it would touch without", ge=0)
+    touch_m: float = scaled(0.02, "this much left to contact counts as a touch", ge=0)
     contact_height_m: float = key(0.08, "of the centre as the lowest foot touches", "chosen: tilted by 20°", ge=0)
 
 
