@@ -290,6 +290,8 @@ def test_a_touch_by_mischance_is_taken_at_good_odds_and_climbed_from_else(phase:
     assert taken.phase is Phase.FINAL_DESCENT
     touched = next_descent(before, _over(1.0, descent.contact_height_m + 0.01, odds=0.2), descent)
     assert touched.rate_mps == descent.sink_mps  # the height is uncertain by more than the way to contact
+    hasty = replace(descent, wait_cost=1.0)  # any moment will do
+    assert next_descent(before, _over(1.0, low_m, odds=0.2, sink_mps=0.3), hasty).phase is Phase.FINAL_DESCENT
 
 
 def test_a_drop_is_not_taken_back():

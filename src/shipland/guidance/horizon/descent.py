@@ -83,7 +83,7 @@ def next_descent(before: Descent | None, outlook: Outlook, parameters: DescentPa
     descent = replace(descent, odds=odds, rate_mps=0.0)
     if outlook.touches(parameters):
         # By mischance: it is as good a moment as any, or one to climb from.
-        if odds.now >= odds.mean:
+        if odds.now >= odds.mean or odds.worth_taking(parameters.wait_cost):
             return Descent(Phase.FINAL_DESCENT, outlook.now_s, 0.0, odds=odds)
         height_m = max(descent.height_m, parameters.wait_height_m)
         return replace(descent, height_m=height_m, rate_mps=parameters.sink_mps)
