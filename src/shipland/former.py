@@ -61,7 +61,6 @@ GONE = {
     "guidance.horizon.levelling.touch_offset_m": "the odds of a landing hold the offset at contact",
     "guidance.horizon.measured.flow": "velocity_reference of [response] says what the velocity is against",
     "guidance.horizon.wave.deck.followed": "a deck below a bar at rest moves by itself",
-    "guidance.horizon.wave.drift_s": "guidance.horizon.wave.drift_mps is the same in every wind",
     "guidance.horizon.wave.followed": "guidance.horizon.wave.deck_shares has a share for each state of the waves",
     "guidance.horizon.wave.followed_servo": "guidance.horizon.wave.deck_shares holds for both kinds of stick",
     "quad": "a polygon of the cue is one [[rig.polygon]] with corners_m",

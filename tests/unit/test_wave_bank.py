@@ -12,15 +12,15 @@ PARAMETERS = WaveParameters()
 BANK = WaveBank(PARAMETERS)
 
 
-def _believed(heave_at, seconds=20.0, seed=0):
+def _believed(heave_at, seconds=20.0, seed=0, gusts_mps=0.05, wind_mps2=0.0):
     """The hypothesis after a hover under a heaving bar; the aircraft strays by itself, and says how fast."""
     rng, down_m, drift = np.random.default_rng(seed), -1.5, 0.0
     estimate = BANK.start(0.0, down_m - heave_at(0.0))
     for k in range(1, round(30 * seconds)):
-        drift += (-drift / 0.7) / 30.0 + 0.05 * rng.standard_normal() * math.sqrt(2.0 / 0.7 / 30.0)
+        drift += (-drift / 0.7) / 30.0 + gusts_mps * rng.standard_normal() * math.sqrt(2.0 / 0.7 / 30.0)
         down_m += drift / 30.0
         seen_m = down_m - heave_at(k / 30.0) + 0.003 * rng.standard_normal()
-        estimate = BANK.update_pose(estimate, k / 30.0, 0.0, seen_m, 1e-5)
+        estimate = BANK.update_pose(estimate, k / 30.0, 0.0, seen_m, 1e-5, wind_mps2)
         if k % 6 == 0:
             estimate = BANK.update_velocity(estimate, drift + 0.02 * rng.standard_normal(), 0.05)
     return BANK.hypotheses[estimate.chosen]
@@ -29,6 +29,15 @@ def _believed(heave_at, seconds=20.0, seed=0):
 @pytest.mark.parametrize("seed", range(4))
 def test_a_still_bar_is_believed_still(seed):
     assert _believed(lambda _: 0.0, seed=seed).deviation_m == PARAMETERS.still_m
+
+
+def test_vertical_gusts_of_a_strong_wind_are_not_taken_for_a_heaving_bar():
+    def believed_still(wind_mps2):
+        found = [_believed(lambda _: 0.0, seed=seed, gusts_mps=0.25, wind_mps2=wind_mps2) for seed in range(10)]
+        return sum(wave.deviation_m == PARAMETERS.still_m for wave in found)
+
+    assert believed_still(0.0) <= 5
+    assert believed_still(3.0) >= 8
 
 
 @pytest.mark.parametrize(("amplitude_m", "frequency_rad_s"), [(0.15, 1.0), (0.2, 1.8), (0.12, 2.4)])

@@ -213,6 +213,8 @@ _UNSEEN_S = 2.0
 """A turn is kept for this long without a pose …"""
 _TURN_ENDS_S = 5.0
 """… and then decays, with this time constant."""
+_STILL_TURNS = 0.4
+"""A ship that turned counts as turning down to this share: what is left of the turn, the quiet filter would keep."""
 
 
 class HeadingFilters:
@@ -223,7 +225,7 @@ class HeadingFilters:
     Args:
         steady: of a ship that keeps its course.
         turning: of one that turns.
-        turn_from_rad_s: yaw rate of the ship from which it counts as turning.
+        turn_from_rad_s: yaw rate of the ship from which it counts as turning, until it is well below.
     """
 
     def __init__(self, steady: HeadingNoise, turning: HeadingNoise, turn_from_rad_s: float) -> None:
@@ -267,7 +269,8 @@ class HeadingFilters:
         reading = self._compass.accepted(self.now, t_s, self._turned_rad)
         self._turning = self._with_news(self._turning, t_s, pose, reading, self._noise_turning)
         quiet = self._with_news(self.now, t_s, pose, reading, self._noise)
-        if self._turning.bar_known and abs(self._turning.turn_rad_s) > self._turn_from_rad_s:
+        least_rad_s = self._turn_from_rad_s * (_STILL_TURNS if turning_before else 1.0)
+        if self._turning.bar_known and abs(self._turning.turn_rad_s) > least_rad_s:
             if not turning_before:
                 self._turning = shifted(self._turning, quiet.bar_rad - self._turning.bar_rad)
             self.now = self._turning

@@ -174,6 +174,12 @@ class WaveParameters:
     )
     drift_mps: float = scaled(0.15, "of the height, other than by the sticks")
     drift_time_s: float = scaled(0.7, "time constant of that drift")
+    drift_s: float = scaled(
+        0.085,
+        "that drift is no less than so much of the acceleration by the mean wind, with which vertical gusts grow",
+        "measured: docs/results/guidance.md",
+        ge=0,
+    )
     jitter_m: float = scaled(0.01, "least standard deviation of a picture's height")
 
     def __post_init__(self) -> None:
@@ -204,18 +210,19 @@ class WaveParameters:
         ]
         return (WaveMotion(self.still_m, 1.8, self.damping), *moving)
 
-    def steps(self, step_ms: int) -> tuple[Array, Array]:
-        """Transitions (k,6,6) and noises (k,6,6) of all hypotheses over whole milliseconds."""
-        if step_ms not in self._steps:
-            self._steps[step_ms] = self._solved(1e-3 * step_ms)
-        return self._steps[step_ms]
+    def steps(self, step_ms: int, wind_mps2: float) -> tuple[Array, Array]:
+        """Transitions (k,6,6) and noises (k,6,6) of all hypotheses over whole milliseconds, in a wind of a level."""
+        drift_mps = max(self.drift_mps, self.drift_s * wind_mps2)
+        if (step_ms, drift_mps) not in self._steps:
+            self._steps[step_ms, drift_mps] = self._solved(1e-3 * step_ms, drift_mps)
+        return self._steps[step_ms, drift_mps]
 
     @cached_property
-    def _steps(self) -> dict[int, tuple[Array, Array]]:
+    def _steps(self) -> dict[tuple[int, float], tuple[Array, Array]]:
         """Those asked for."""
         return {}
 
-    def _solved(self, step_s: float) -> tuple[Array, Array]:
+    def _solved(self, step_s: float, drift_mps: float) -> tuple[Array, Array]:
         from scipy.linalg import expm
 
         n = _STATES
@@ -225,7 +232,7 @@ class WaveParameters:
             a[_HEIGHT, _DRIFT] = 1.0
             a[_DRIFT, _DRIFT] = -1.0 / self.drift_time_s
             a[_WAVE:, _WAVE:], q[_WAVE:] = wave.matrix, wave.noise
-            q[_DRIFT] = 2.0 * self.drift_mps**2 / self.drift_time_s
+            q[_DRIFT] = 2.0 * drift_mps**2 / self.drift_time_s
             block[:n, :n], block[:n, n:], block[n:, n:] = -a, np.diag(q), a.T
         result = expm(blocks * step_s)
         transition = np.ascontiguousarray(result[:, n:, n:].transpose(0, 2, 1))
@@ -279,7 +286,13 @@ class WaveBank:
         return WaveEstimate(t_s, mean, covariance, np.zeros(k), self._parameters.first)
 
     def update_pose(
-        self, before: WaveEstimate, t_s: float, moved_m: float, down_m: float, variance_m2: float
+        self,
+        before: WaveEstimate,
+        t_s: float,
+        moved_m: float,
+        down_m: float,
+        variance_m2: float,
+        wind_mps2: float = 0.0,
     ) -> WaveEstimate:
         """A picture's height below the bar.
 
@@ -289,13 +302,14 @@ class WaveBank:
             moved_m: downward, since the picture before, by the sticks.
             down_m: height below the bar in the picture; not finite is refused.
             variance_m2: of its error.
+            wind_mps2: acceleration by the mean wind, one of a few levels.
         """
         step_s = t_s - before.t_s
         if not (math.isfinite(down_m) and math.isfinite(moved_m) and step_s > 0.0):
             return before
         if step_s > 2.0:
             return replace(self.start(t_s, down_m), score=before.score, chosen=before.chosen)
-        steps = self._parameters.steps(max(1, round(1e3 * step_s)))
+        steps = self._parameters.steps(max(1, round(1e3 * step_s)), wind_mps2)
         mean, covariance = before.mean.copy(), before.covariance.copy()
         score = math.exp(-step_s / self._parameters.memory_s) * before.score
         variance = variance_m2 + self._parameters.jitter_m**2

@@ -93,12 +93,18 @@ class Assumptions:
             parameters: of the pilot.
         """
         levels = parameters.gust_levels_mps2
-        share = parameters.gust_share_at_sea if self.wave.bar_moves else parameters.gust_share
-        gust_mps2 = max(share * math.hypot(*held_mps2.tolist()), 1e-3)
+        gust_mps2 = max(self._gust_share(parameters) * math.hypot(*held_mps2.tolist()), 1e-3)
         steps = math.log(gust_mps2 / self.gust_mps2) / math.log(levels[1] / levels[0])
         if -_LULL_STEPS <= steps <= _GUST_STEPS:
             return self
         return replace(self, gust_mps2=min(levels, key=lambda level: abs(math.log(level / gust_mps2))))
+
+    def wind_mps2(self, parameters: HorizonParameters) -> float:
+        """Acceleration by the mean wind that gusts of this level go with."""
+        return self.gust_mps2 / self._gust_share(parameters)
+
+    def _gust_share(self, parameters: HorizonParameters) -> float:
+        return parameters.gust_share_at_sea if self.wave.bar_moves else parameters.gust_share
 
     def with_ship(self, ship_mps: float) -> Assumptions:
         """With the speed of a ship whose heading is not seen; 0 where it is, or the ship lies still."""

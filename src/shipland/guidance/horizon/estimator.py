@@ -182,7 +182,8 @@ class Estimator:
         if self._heights.refuses(t_s, place.down_m, place.down_variance, self._sticks.climbs):
             self.rejected = "a pose at a height that no climb leads to"
             return
-        self._heave.update_pose(t_s, place.down_m, place.down_variance, self._sticks.climbs)
+        wind_mps2 = self._assumed.wind_mps2(self._parameters)
+        self._heave.update_pose(t_s, place.down_m, place.down_variance, self._sticks.climbs, wind_mps2)
         if self._heave.wave != self._assumed.wave:
             self._adopt_wave()
         self._update_banks(t_s, place)

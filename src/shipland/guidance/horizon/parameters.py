@@ -175,7 +175,7 @@ class HorizonParameters:
     heading_turning: HeadingNoise = key(
         HeadingNoise(bar_rad_per_sqrt_s=0.01, turn_rad_s2=0.1, compass_rad=0.03), "of a ship that turns"
     )
-    turn_from_rad_s: float = scaled(0.06, "yaw rate of the ship from which `heading_turning` holds")
+    turn_from_rad_s: float = scaled(0.1, "yaw rate of the ship from which `heading_turning` holds")
     course_time_s: float = scaled(10.0, "in which the velocity of a ship changes whose heading is not seen")
     measured: MeasurementNoise = MeasurementNoise()
     delayed: DelayedParameters = DelayedParameters()

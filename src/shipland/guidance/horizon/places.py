@@ -185,8 +185,8 @@ class HeaveTracker:
         if self._velocity is None or picture_s > self._velocity[0]:
             self._velocity = t_s, down_mps
 
-    def update_pose(self, t_s: float, down_m: float, variance_m2: float, climbs: Inputs) -> None:
-        """A picture's height below the bar; `climbs` downward, as they took effect."""
+    def update_pose(self, t_s: float, down_m: float, variance_m2: float, climbs: Inputs, wind_mps2: float) -> None:
+        """A picture's height below the bar; `climbs` downward, as they took effect; the mean wind's acceleration."""
         before, lag_s = self._estimate, self._climb_lag_s
         if down_m > self._low_m:
             return
@@ -199,4 +199,4 @@ class HeaveTracker:
             before = self._bank.update_velocity(before, down_mps - asked_mps, self._velocity_std_mps)
             self._velocity = None
         moved_m = climbs.mean(before.t_s - lag_s, t_s - lag_s) * max(t_s - before.t_s, 0.0)
-        self._estimate = self._bank.update_pose(before, t_s, moved_m, down_m, variance_m2)
+        self._estimate = self._bank.update_pose(before, t_s, moved_m, down_m, variance_m2, wind_mps2)
