@@ -102,6 +102,18 @@ def test_a_nose_that_swings_in_the_wind_does_not_turn_the_bar_without_a_compass(
     assert np.max(np.abs(half_swing)) < 0.2
 
 
+def test_of_a_turn_that_has_ended_nothing_is_left():
+    filters, bar_rad = _filters(), 0.0
+    for k in range(900):
+        t_s = k / 30.0
+        bar_rad += float(np.interp(t_s, [10.0, 25.0], [0.2, 0.0])) / 30.0
+        if k % 6 == 0:
+            filters.compass(t_s, 0.0)
+        headings = filters.take(t_s, _pose(-bar_rad))
+        if t_s > 25.5:
+            assert abs(headings.turn_rad_s) < 0.03
+
+
 def test_a_ship_that_turns_is_followed_without_a_compass():
     filters = _filters()
     for k in range(900):
