@@ -42,7 +42,6 @@ if TYPE_CHECKING:  # one flight that leaves nothing imports neither records nor 
 __all__ = ["Flight", "fly", "load_scenario", "without_pictures"]
 
 _log = logging.getLogger(__name__)
-"""Last byte of every pickle, which Numba's files are."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -16,7 +16,8 @@ import numba
 _LOGGER = logging.getLogger(__name__)
 F = TypeVar("F", bound=Callable[..., Any])
 _SETTINGS: Any = numba.config
-_END_OF_CODE = b"."  # of a pickle
+_END_OF_CODE = b"."
+"""Last byte of every pickle, which Numba's files are."""
 
 
 def compiled(function: F) -> F:

@@ -12,7 +12,7 @@ from shipland.figures import new_figure
 from shipland.messages import Mode
 from shipland.report.landing_plots import DeckTrace, Touchdown, plot_instants, plot_touchdowns
 from shipland.report.palette import BLUE, GREEN, MODE_COLOURS, VERMILION, mode_name, unit
-from shipland.report.plots import draw_footprint, draw_pad, plot_flight, smooth
+from shipland.report.plots import DPI, draw_footprint, draw_pad, plot_flight, smooth
 from shipland.report.views import SIDE_PX, TEXT_PX, FlightViews
 
 LOW_DPI = 60
@@ -131,6 +131,10 @@ def test_a_landing_circle_is_round_from_above():
         around = green[green[:, 1] < green[:, 1].max() - 50]  # the bar is green too, and ahead
         radius_px = np.linalg.norm(around - around.mean(axis=0), axis=1)
         assert least < radius_px.max() / radius_px.min() < most, area
+
+
+def test_the_resolution_suits_a_readme():
+    assert 1600 <= round(10.4 * DPI) <= 2000  # twice a README's 830 px
 
 
 def test_the_deck_is_drawn_smooth_between_slow_cycles_and_as_it_is_between_quick_ones():

@@ -57,9 +57,24 @@ def test_target_is_two_rectangles_in_the_bars_plane(rig):
     np.testing.assert_allclose(rig.cue.points_in_bar_m, want, atol=1e-12)
 
 
+def test_rectangles_fit_on_the_board(rig):
+    right_m, down_m = np.abs(rig.cue.points_in_bar_m[:, 1:]).max(axis=0)
+    assert right_m <= 0.5 * rig.board_width_m
+    assert down_m <= 0.5 * rig.board_height_m
+
+
 def test_bar_is_2_09_m_ahead_of_the_deck_and_0_75_m_above_it(rig):
     np.testing.assert_allclose(rig.bar_in_ship_m, [2.09, 0.0, -0.75], atol=1e-12)
     np.testing.assert_allclose(rig.ship_from_bar.apply(rig.deck_in_bar_m), np.zeros(3), atol=1e-12)
+
+
+def test_deck_and_bar_stand_on_the_platform(rig):
+    half_deck_m = 0.5 * rig.deck_size_m
+    assert rig.deck_ahead_of_stern_m - half_deck_m >= 0.0
+    assert rig.bar_ahead_of_stern_m <= rig.platform_length_m
+    assert rig.bar_ahead_of_stern_m > rig.deck_ahead_of_stern_m + half_deck_m
+    assert rig.deck_size_m <= rig.platform_width_m
+    assert rig.bar_height_m + 0.5 * rig.board_height_m <= rig.superstructure_height_m
 
 
 class TestTargets:

@@ -246,6 +246,13 @@ def test_a_preview_in_a_jpegs_header_is_not_its_end(tmp_path, bar_image):
         read_picture(path)
 
 
+def test_a_video_that_breaks_off(tmp_path, bar_image):
+    path = write_film(tmp_path / "whole.mp4", [bar_image] * 5)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(DataError, match=r"whole\.mp4"):
+        see(path)
+
+
 def test_a_video_that_ends_too_early_says_how_much_was_read(tmp_path, bar_image, capsys):
     import av
 

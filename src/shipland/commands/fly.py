@@ -158,7 +158,6 @@ class Fly(ScenarioOptions):
         camera = Camera.from_parameters(scenario.camera) if vehicle is None else vehicle.camera
         info = flight_info(scenario, self.pilot, self.vision, self.seed, command_line())
         live = stack.enter_context(LiveView(info, scenario.rig, camera, self.live_port))
-        self.out.mkdir(parents=True, exist_ok=True)
         write_layout(self.out / LAYOUT_NAME)
         terminal.say(f"live on {live.address}: open it in Foxglove; layout: {self.out / LAYOUT_NAME}")
         if vehicle is None:
