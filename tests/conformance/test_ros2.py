@@ -66,6 +66,11 @@ def ask(land: Publisher, wanted: bool = True) -> None:
     land.send(message("std_msgs/msg/Bool", data=wanted))
 
 
+def call(land: Publisher, vehicle: Ros2Vehicle) -> None:
+    """Ask until it has heard, whoever of an earlier test still seems to listen."""
+    assert until(lambda: vehicle._heard.land or ask(land))
+
+
 def test_it_is_a_real_vehicle_that_says_who_commands_and_passes_on_what_is_seen() -> None:
     with bench() as (vehicle, _):
         assert all(isinstance(vehicle, kind) for kind in (Real, Ending, Commanded, Informed))
@@ -304,8 +309,7 @@ def test_a_landing_is_asked_for_and_ended_by_a_topic(kind: str) -> None:
     with bench(f"&wait=1&kind={kind}", take=False) as (vehicle, drone):
         land = drone.node.publisher("shipland/land", "std_msgs/msg/Bool")
         vehicle.connect()
-        assert until(lambda: land.heard)
-        ask(land)
+        call(land, vehicle)
         vehicle.open()
         vehicle.send(PilotCommand(time.monotonic(), 20.0, 0.0, 0.0, 0.0, -0.2, Intent.FLY))
         assert until(lambda: drone.wanted.forward > 0.0)
@@ -323,8 +327,7 @@ def test_a_landing_called_off_before_the_hand_over_is_not_flown_until_it_is_call
         drone.mode = "LOITER"
         land = drone.node.publisher("shipland/land", "std_msgs/msg/Bool")
         vehicle.connect()
-        assert until(lambda: land.heard)
-        ask(land)
+        call(land, vehicle)
         opening = threading.Thread(target=vehicle.open, daemon=True)
         opening.start()
         assert until(lambda: vehicle._heard._hand_over is not None)
@@ -346,8 +349,8 @@ def test_a_call_is_answered_where_the_vehicle_was_not_given() -> None:
         drone.node.subscribe("shipland/result", "std_msgs/msg/String", lambda result: told.append(result.data))
         land = drone.node.publisher("shipland/land", "std_msgs/msg/Bool")
         vehicle.connect()
-        assert until(lambda: land.heard and vehicle._telling._result.heard)
-        ask(land)
+        call(land, vehicle)
+        assert until(lambda: vehicle._telling._result.heard)
         with pytest.raises(VehicleError, match="was not given to us") as failed:
             vehicle.open()
         assert until(lambda: told == [str(failed.value)])
@@ -371,8 +374,8 @@ def test_a_call_is_answered_where_connecting_fails() -> None:
 
         connecting = threading.Thread(target=connect, daemon=True)
         connecting.start()
-        assert until(lambda: land.heard and vehicle._telling._result.heard)
-        ask(land)
+        call(land, vehicle)
+        assert until(lambda: vehicle._telling._result.heard)
         connecting.join(20.0)
         assert "camera_info has not come" in failed[0]
         assert until(lambda: told)
@@ -384,9 +387,7 @@ def test_who_waits_for_no_call_answers_none() -> None:
     with bench() as (vehicle, drone):
         land = drone.node.publisher("shipland/land", "std_msgs/msg/Bool")
         vehicle.connect()
-        assert until(lambda: land.heard)
-        ask(land)
-        assert until(lambda: vehicle._heard.land)
+        call(land, vehicle)
         sent: list[object] = []
         vehicle._telling._result.send = sent.append
         vehicle.close()
