@@ -133,17 +133,24 @@ def decide_or_degrade(
         return autonomy.safety.without_pilot(f"pilot failed: {words_of(error)}", telemetry, sent)
 
 
-def check_or_hold(autonomy: Autonomy, decision: Decision, observation: Observation, telemetry: Telemetry) -> Decision:
+def check_or_hold(
+    autonomy: Autonomy,
+    decision: Decision,
+    observation: Observation,
+    telemetry: Telemetry,
+    known: set[type[BaseException]] | None = None,
+) -> Decision:
     """What safety and person make of a decision.
 
-    Should the safety fail, the person's key without its bounds, else a hold; and the traceback in the log.
+    Should the safety fail, the person's key without its bounds, else a hold; and the traceback in the log, of each kind
+    of error one, as `decide_or_degrade` does.
     """
     override = None
     try:
         override = autonomy.override()
         return autonomy.safety.check(decision, observation, telemetry, override)
     except Exception as error:  # the last one who could raise in flight
-        log_failure(_log, f"safety failed at {telemetry.t_s:.3f} s", error)
+        log_failure(_log, f"safety failed at {telemetry.t_s:.3f} s", error, known)
         failed = f"safety failed: {words_of(error)}"
         if isinstance(override, Override):
             decision = by_hand(decision, override, telemetry.t_s)
@@ -171,7 +178,7 @@ def cycles(vehicle: Vehicle, autonomy: Autonomy, clock: Callable[[], float]) -> 
     sent: PilotCommand | None = None
     before: Observation | None = None
     gate, commander = InputGate(), ""
-    of_vision, of_pilot = set[type[BaseException]](), set[type[BaseException]]()
+    of_vision, of_pilot, of_safety = (set[type[BaseException]]() for _ in range(3))
     try:
         vehicle.open()
         commanded = vehicle if isinstance(vehicle, Commanded) else None
@@ -197,7 +204,7 @@ def cycles(vehicle: Vehicle, autonomy: Autonomy, clock: Callable[[], float]) -> 
             telemetry, refused = gate.telemetry(telemetry)
             observation = autonomy.safety.admitted(observation, telemetry)
             decision = decide_or_degrade(autonomy, observation, telemetry, sent, of_pilot)
-            decision = check_or_hold(autonomy, decision, observation, telemetry)
+            decision = check_or_hold(autonomy, decision, observation, telemetry, of_safety)
             if refused:
                 decision = replace(decision, reason=f"{decision.reason}; {refused}")
             if commanded is not None and commanded.in_command != commander:
