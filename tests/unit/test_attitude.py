@@ -1,7 +1,9 @@
 """A film's attitude: from a table, ArduPilot's and PX4's logs and our own; and what `see` makes of it."""
 
 import csv
+import gc
 import math
+import re
 import struct
 
 import numpy as np
@@ -10,7 +12,7 @@ from test_see import log_of
 
 from pictures import Look, bar_picture, camera_from_bar, write_film
 from shipland.commands.see import See
-from shipland.errors import DataError
+from shipland.errors import ConfigError, DataError
 from shipland.frames import euler_from_rotation, quaternion_from_euler, rotation_from_euler
 from shipland.vision.attitude import AttitudeTrack, read_attitude
 
@@ -137,6 +139,54 @@ def test_what_cannot_be_used_says_what_to_do(make, start_s, mount_deg, words, tm
     assert "\n" not in str(caught.value)
 
 
+def as_body_tlog(path, rows):
+    """A ground station's log of (t_s, pitch [rad], system) of bodies."""
+    mavlink = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
+    data = b""
+    for index, (t_s, pitch_rad, system) in enumerate(rows):
+        message = mavlink.MAVLink_attitude_message(round(1e3 * t_s), 0.0, pitch_rad, 0.0, 0.0, 0.0, 0.0)
+        packed = message.pack(mavlink.MAVLink(None, srcSystem=system, srcComponent=1))
+        data += struct.pack(">Q", round(1e6 * (1.7e9 + 0.1 * index))) + packed
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ([(5.0, 0.1, 1), (5.05, -0.3, 2), (5.1, 0.1, 1), (5.15, -0.3, 2)], r"several senders .*1/1, 2/1"),
+        ([(5.0, 0.1, 1), (5.1, 0.1, 1), (0.2, -0.3, 1), (5.05, -0.3, 1)], r"begins again after 5\.10 s"),
+    ],
+    ids=["two vehicles", "restarted"],
+)
+def test_a_log_of_two_clocks_is_not_mixed(rows, words, tmp_path):
+    with pytest.raises(DataError, match=f"ATTITUDE .*{words}"):
+        read_attitude(as_body_tlog(tmp_path / "a.tlog", rows), 0.01, 0.0, 0.0)
+    in_another_order = [(5.1, 0.1, 1), (5.0, 0.1, 1), (5.2, 0.1, 1)]
+    track = read_attitude(as_body_tlog(tmp_path / "b.tlog", in_another_order), 0.01, 0.0, 0.0)
+    assert track.at(5.05).pitch_rad == pytest.approx(0.1)
+
+
+@pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
+def test_a_damaged_log_is_one_line_or_what_is_left_of_it_and_nothing_on_standard_output(tmp_path, capsys):
+    pytest.importorskip("pymavlink")
+    pytest.importorskip("pyulog")
+    columns = as_dataflash(tmp_path / "a.bin", "ATT", rows_from(8.0))
+    columns.write_bytes(columns.read_bytes().replace(b"TimeUS", b"TimeXX"))
+    layout = as_dataflash(tmp_path / "b.bin", "ATT", rows_from(8.0))
+    layout.write_bytes(layout.read_bytes().replace(b"Qff", b"Q\\f"))
+    stamp = as_ulog(tmp_path / "c.ulg", rows_from(8.0))
+    stamp.write_bytes(stamp.read_bytes().replace(b"timestamp", b"timestomp"))
+    for path in (columns, layout, stamp):
+        with pytest.raises(DataError, match="cannot be read as"):
+            read_attitude(path, 0.01, 8.0, 0.0)
+    gc.collect()  # pymavlink leaves a file that it cannot read open until then
+    torn = as_ulog(tmp_path / "d.ulg", rows_from(8.0))
+    torn.write_bytes(torn.read_bytes() + bytes(range(90)))
+    assert len(read_attitude(torn, 0.01, 8.0, 0.0).t_s) == 5
+    assert capsys.readouterr().out == ""
+
+
 @pytest.fixture(scope="module")
 def film(tmp_path_factory, rig, camera):
     """Two pictures from 6 m square on, where no picture tells the tilt, by a camera that looks up by 3°."""
@@ -166,11 +216,26 @@ def test_an_attitude_narrows_a_films_poses(film, tmp_path, capsys):
     assert abs(float(alone[0]["down_m"]) - 0.3) < 3.0 * float(alone[0]["down_sd_m"])
 
 
+def test_the_start_of_an_attitude_that_is_not_given_is_refused(film):
+    with pytest.raises(ConfigError, match="--attitude-start-s is of --attitude, which is not given"):
+        See((film,), attitude_start_s=5.0).run()
+
+
+def test_readings_too_far_apart_are_not_said_to_end_before_the_film(film, tmp_path, capsys):
+    rows = table(tmp_path / "attitude.csv", [(-1.0, 0.0, 3.0), (1.0, 0.0, 3.0)])
+    code, _ = seen(film, tmp_path, attitude=rows)
+    assert code == 1
+    words = capsys.readouterr().err
+    assert "2 of 2 pictures are without attitude; expected readings at most 0.5 s apart along the film" in words
+    assert "outside" not in words
+
+
 def test_pictures_outside_of_the_attitude_are_named(film, tmp_path, capsys):
     rows = table(tmp_path / "attitude.csv", [(50.0, 0.0, 3.0), (50.2, 0.0, 3.0)])
     code, found = seen(film, tmp_path, attitude=rows)
     assert code == 1
-    assert "2 of 2 pictures lie outside of" in capsys.readouterr().err
+    words = r"2 of 2 pictures are without attitude; .* got .* from 50\.00 to 50\.20 s"
+    assert re.search(words, capsys.readouterr().err)
     assert len(found) == 2
     code, _ = seen(film, tmp_path, attitude=rows, attitude_start_s=50.0)
     assert code == 0

@@ -140,6 +140,7 @@ def test_a_bent_board_and_a_picture_without_one_are_left_out_with_the_reason(tmp
         ({"charuco": True, "dictionary": "DICT_OF_MINE"}, "not known"),
         ({"charuco": True, "corners": "40x40"}, "more than DICT"),
         ({"out": Path("/dev/null/at all/camera.yaml")}, "cannot be written: Not a directory"),
+        ({"out": Path()}, "--out . is a folder"),
         ({"paths": ()}, "nothing to calibrate"),
         ({"paths": (Path("missing.png"),)}, "does not exist"),
         ({}, "found in none"),

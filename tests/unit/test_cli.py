@@ -13,6 +13,8 @@ import pytest
 
 from shipland import progress
 from shipland.cli import COMMANDS
+from shipland.commands import example
+from shipland.commands.example import Example
 from shipland.commands.fly import Fly
 from shipland.record.reader import read_log
 
@@ -110,6 +112,15 @@ def test_examples_are_listed_and_written(here, tmp_path):
     assert "did you mean own_pilot.py?" in here("example", "own_pilto").stderr
 
 
+def test_a_folder_beside_the_examples_is_none(tmp_path, monkeypatch, capsys):
+    """Jupyter leaves one."""
+    (tmp_path / "examples" / ".ipynb_checkpoints").mkdir(parents=True)
+    (tmp_path / "examples" / "own.py").write_text("# Mine.\n")
+    monkeypatch.setattr(example, "_PACKAGE", tmp_path)
+    assert Example().run() == 0
+    assert capsys.readouterr().out.split() == ["own.py", "Mine"]
+
+
 BAD_TOML = "this is [ not toml"
 UNKNOWN_KEY = "[rig]\ndeck_sise_m = 1.0\n"
 BAD_VALUE = "[wind]\nmean_mps = -3.0\n"
@@ -147,8 +158,8 @@ BAD_VALUE = "[wind]\nmean_mps = -3.0\n"
             ("fly", "--vehicle", "mavlink://udp:1.1.1.1:0?camera=film.mp4", "--vision", "nowhere"),
             "no 'nowhere' among the visions",
         ),
-        (("serve-physics", "--port", "99999"), "--port must be 0 to 65535"),
-        (("serve-physics", "--frames-port", "-1"), "--frames-port must be 0 to 65535"),
+        (("serve-physics", "--port", "99999"), "--port must be 1 to 65535"),
+        (("serve-physics", "--frames-port", "0"), "--frames-port must be 1 to 65535"),
         (("fly", "--live", "--live-port", "70000"), "--live-port must be 0 to 65535"),
         (("identify", "flight.mcap", "--uplink-s", "-1"), "--uplink-s must be 0 or more"),
         (("envelope", "near", "--every-deg", "100"), "--every-deg must divide 360°"),

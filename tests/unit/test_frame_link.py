@@ -3,6 +3,7 @@
 import itertools
 import os
 import signal
+import socket
 import time
 from pathlib import Path
 
@@ -83,6 +84,27 @@ def test_the_newest_picture_of_a_file(tmp_path: Path) -> None:
 def test_an_address_that_is_not_ours_is_no_port_that_is_taken(host: str, words: str) -> None:
     with pytest.raises(VehicleError, match=words):
         FrameServer(load_scenario("rig-natops"), 3, host, free_port(), False)
+
+
+def test_a_machine_that_cannot_draw_is_said_before_anybody_flies(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", os.devnull)
+    port = free_port()
+    with pytest.raises(VehicleError, match="drawn pictures need EGL"):
+        FrameServer(load_scenario("rig-natops"), 3, "127.0.0.1", port, True)
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", port), 5.0)
+
+
+def test_a_camera_s_process_that_goes_is_said_and_nobody_waits_for_it() -> None:
+    scenario, port = load_scenario("rig-natops"), free_port()
+    snapshot = LaunchHold(scenario, 3, 0.9).world.snapshot()
+    with FrameServer(scenario, 3, "127.0.0.1", port, False) as server:
+        server._process.kill()
+        server._process.join()
+        with pytest.raises(VehicleError, match="the camera's process has ended"):
+            server.show(0.0, snapshot)
+        with pytest.raises(ConnectionRefusedError):
+            socket.create_connection(("127.0.0.1", port), 5.0)
 
 
 def test_a_ctrl_c_is_answered_by_whoever_serves_not_by_the_camera_s_process() -> None:

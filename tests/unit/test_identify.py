@@ -1,10 +1,12 @@
 """What full sticks mean, found from flights."""
 
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -226,6 +228,13 @@ def test_from_a_flights_log_to_the_pilot_of_every_vehicle(without_plots: None, t
     parameters = build(MavlinkParameters, table["mavlink"], "mavlink")
     ardupilot = response_within(parameters, limits, ARDUPILOT, table["response"])
     assert (ardupilot.lag_s, ardupilot.turn_lag_s) == pytest.approx((simulated.lag_s, simulated.turn_lag_s))
+
+
+def test_the_name_of_a_log_may_be_no_utf_8(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    log = SimpleNamespace(records=flown("attitude"))
+    monkeypatch.setattr("shipland.record.reader.read_log", lambda _path: log)
+    assert Identify(tmp_path / os.fsdecode(b"fl\xfcg.mcap"), tmp_path / "vehicle.toml").run() == 0
+    assert (tmp_path / "vehicle.toml").read_text(encoding="utf-8").startswith("# shipland identify fl?g.mcap\n")
 
 
 def test_a_flight_that_tells_nothing_is_refused() -> None:

@@ -13,6 +13,7 @@ import pytest
 from ports import free_port
 from shipland.errors import ConfigError
 from shipland.frames import euler_from_rotation, rotation_from_quaternion
+from shipland.messages import TouchdownVerdict
 from shipland.scenario.scenario import load_scenario
 from shipland.sim.aircraft.servo import thrust_share
 from shipland.sitl.physics import STEP_S, FlightStep, LaunchHold, RealTimeFactor, ServedFlight
@@ -140,6 +141,31 @@ def test_a_packet_sent_again_gets_its_answer_again_and_no_step() -> None:
     assert not served.is_alive()
     assert "s of flight took" in said[-2]
     assert said[-1].startswith("motors at rest -")  # they stopped in the air
+
+
+def test_a_flight_controller_that_goes_after_the_touchdown_leaves_the_verdict() -> None:
+    port = free_port(socket.SOCK_DGRAM)
+    scenario = load_scenario("rig-natops", start={"distance_m": 0.0, "distance_half_range_m": 0.0})
+    held, said, verdicts = LaunchHold(scenario, 3, 0.0), list[str](), list[TouchdownVerdict | None]()
+
+    def serve() -> None:
+        with JsonLink("127.0.0.1", port) as link:
+            verdicts.append(ServedFlight(held, NoCamera(), said.append).over(link))
+
+    served = threading.Thread(target=serve, daemon=True)
+    served.start()
+    until(lambda: said)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot:
+        autopilot.settimeout(5.0)
+        autopilot.connect(("127.0.0.1", port))
+        for count in range(6000):
+            autopilot.send(packet(count, [1000.0 if count else 1950.0] * 4))
+            autopilot.recv(4096)
+            if held.world.over():
+                break
+    served.join(10.0)
+    assert not served.is_alive()
+    assert verdicts == [held.world.verdict()] != [None]
 
 
 def test_the_tempo_of_a_world_that_falls_behind() -> None:

@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+import os
 import struct
 import sys
 from fractions import Fraction
@@ -282,7 +283,8 @@ def test_a_video_that_ends_too_early_says_how_much_was_read(tmp_path, bar_image,
 def test_a_whole_film_of_any_rate_start_and_sound_does_not_break_off(stamps_ms, sound_s, suffix, tmp_path):
     path = tmp_path / f"film{suffix}"
     write_timed_film(path, stamps_ms, sound_s)
-    assert [round(1e3 * t_s) for t_s, _ in read_video(path)] == pytest.approx(stamps_ms, abs=1)
+    since_first_ms = np.subtract(stamps_ms, stamps_ms[0])
+    assert [round(1e3 * t_s) for t_s, _ in read_video(path)] == pytest.approx(since_first_ms, abs=1)
     if suffix == ".mkv":
         path.write_bytes(path.read_bytes()[: path.stat().st_size * 6 // 10])
         with pytest.raises(DataError, match=r"film\.mkv breaks off after picture \d+: [\d.]+ of [\d.]+ s"):
@@ -338,6 +340,12 @@ def test_a_film_that_was_taken_upright_is_turned_as_a_player_shows_it(tmp_path):
     _, turned = next(read_video(path))
     assert turned.shape == (64, 48, 3)
     assert turned[:, 30:].min() > 150 > 50 > turned[:, :18].max()
+
+
+def test_a_film_whose_name_has_a_colon_is_no_protocol(tmp_path, monkeypatch):
+    write_film(tmp_path / "film.mp4", [np.zeros((48, 64, 3), np.uint8)] * 3).rename(tmp_path / "2026-05-01T10:30.mp4")
+    monkeypatch.chdir(tmp_path)
+    assert [picture.of for picture in pictures_of([Path("2026-05-01T10:30.mp4")])] == [3] * 3
 
 
 def test_nothing_to_look_at(tmp_path):
@@ -483,6 +491,41 @@ def test_what_cannot_be_looked_at_does_not_end_the_rest(tmp_path, bar_image, cap
     assert "tall.png is 600 × 720 px, the calibration is for 1280 × 720 px" in err
     assert "found in" not in err  # of one picture its own line says it
     assert See((tmp_path / "torn.png", tall)).run() == 2
+
+
+def test_an_empty_folder_or_a_broken_log_does_not_end_the_rest(tmp_path, bar_image, capsys):
+    good, empty, log = write(tmp_path / "good.png", bar_image), tmp_path / "empty", tmp_path / "torn.mcap"
+    empty.mkdir()
+    log.write_bytes(b"no log")
+    assert See((empty, log, good)).run() == 1
+    out, err = capsys.readouterr()
+    assert out.startswith(f"{good}: 6.0")
+    assert f"folder {empty} holds no pictures" in err
+    assert f"{log} is not an MCAP file" in err
+    assert See((log, empty)).run() == 2
+    assert See((log,)).run() == 2
+    assert "nothing to look at" not in capsys.readouterr().err
+
+
+def test_logs_of_different_cameras_are_not_looked_at_with_the_first_ones(tmp_path, bar_image, monkeypatch):
+    wide, narrow = tmp_path / "wide", tmp_path / "narrow"
+    wide.mkdir()
+    narrow.mkdir()
+    first = log_of(wide, [bar_image])
+    monkeypatch.setattr(sys.modules[__name__], "default_camera", lambda: Camera.from_fov(1280, 720, 40.0))
+    other = log_of(narrow, [bar_image])
+    with pytest.raises(DataError, match=f"{other} has another camera than {first}: look at them one by one"):
+        See((first, other)).run()
+    calibration = tmp_path / "camera.yaml"
+    default_camera().to_opencv_yaml(calibration)
+    assert See((first, other), calibration=calibration).run() == 0
+
+
+def test_a_name_that_is_no_utf_8_stands_in_the_table_as_it_is(tmp_path, bar_image):
+    write(tmp_path / "a.png", bar_image).rename(tmp_path / os.fsdecode(b"b\xe4r.png"))
+    table = tmp_path / "poses.csv"
+    assert See((tmp_path,), csv=table).run() == 0
+    assert b"b\xe4r.png," in table.read_bytes()
 
 
 def test_the_end_says_how_much_was_found_and_what_was_written(tmp_path, bar_image, capsys):

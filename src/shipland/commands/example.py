@@ -34,7 +34,7 @@ class Example:
         """List or write."""
         packaged = _PACKAGE / "examples"
         folder = packaged if packaged.is_dir() else _PACKAGE.parents[1] / "examples"
-        texts = {path.name: path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.*"))}
+        texts = {path.name: path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.*")) if path.is_file()}
         if not self.name:
             for name, text in texts.items():
                 print(f"{name:22s} {_first_sentence(text)}")

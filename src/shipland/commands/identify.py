@@ -39,6 +39,7 @@ class Identify:
         found = identify(read_log(self.log).records)
         print(found.table())
         with writing(self.out):
-            self.out.write_text(f"# shipland identify {self.log.name}\n{found.toml(self.uplink_s)}", encoding="utf-8")
+            about = f"# shipland identify {self.log.name}\n"  # a name may hold bytes that are no UTF-8
+            self.out.write_text(about + found.toml(self.uplink_s), encoding="utf-8", errors="replace")
         say(f"written: {self.out}; fly with --vehicle-config {shlex.quote(str(self.out))}")
         return 0

@@ -94,7 +94,8 @@ def _opened(
     if options.csv is not None:
         with suppress(OSError):  # open says why not
             options.csv.parent.mkdir(parents=True, exist_ok=True)
-        file = stack.enter_context(options.csv.open("w", newline="", encoding="utf-8"))
+        # a file's name may hold bytes that are no UTF-8
+        file = stack.enter_context(options.csv.open("w", newline="", encoding="utf-8", errors="surrogateescape"))
         table = csv.DictWriter(file, columns, lineterminator="\n")
         table.writeheader()
     return table, None if options.out is None else stack.enter_context(Drawings(options.out))

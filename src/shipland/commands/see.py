@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from shipland.commands.options import check_between, refuse_written_over, say
 from shipland.commands.pictures import PictureOptions, look
-from shipland.errors import DataError
+from shipland.errors import ConfigError, DataError
 
 if TYPE_CHECKING:
     from shipland.camera import Camera, CameraParameters
@@ -62,6 +62,7 @@ class See(PictureOptions):
         from shipland.record.reader import read_log
         from shipland.report.drawings import draw_observation
         from shipland.scenario.scenario import load_scenario
+        from shipland.vision.attitude import MOST_GAP_S
         from shipland.vision.near.files import COLUMNS, see_paths
         from shipland.vision.pictures import is_film, is_log
 
@@ -69,13 +70,27 @@ class See(PictureOptions):
         check_between(-1e10, 1e10, attitude_start_s=self.attitude_start_s)
         check_between(0.01, 10.0, attitude_std_deg=self.attitude_std_deg)
         check_between(-90.0, 90.0, mount_pitch_deg=self.mount_pitch_deg)
+        if self.attitude is None and self.attitude_start_s is not None:
+            raise ConfigError("--attitude-start-s is of --attitude, which is not given")
         scenario = load_scenario(self.config or {})
-        logs = {path: read_log(path) for path in self.paths if is_log(path)}
+        logs: dict[Path, FlightLog] = {}
+        unread: dict[Path, DataError] = {}
+        for path in filter(is_log, self.paths):
+            try:
+                logs[path] = read_log(path)
+            except DataError as error:
+                unread[path] = error
+        self._check_alike(logs)
         cue, (camera, whose) = self._cue(scenario.rig.cue, logs), self._camera(scenario.camera, logs)
         attitudes, known = self._attitudes(logs), dict[Path, list[bool]]()
 
         def seen(broken: Callable[[Path, DataError], None]) -> Iterator[SeeResult]:
-            found = see_paths(self.paths, cue, camera, broken, scenario.vision, attitudes.get)
+            for path, error in unread.items():
+                broken(path, error)
+            readable = [path for path in self.paths if path not in unread]
+            if unread and not readable:
+                return
+            found = see_paths(readable, cue, camera, broken, scenario.vision, attitudes.get)
             for number, result in enumerate(found):
                 if number == 0:
                     say(f"camera: {_words(camera, result.picture.image)}, {whose}")
@@ -88,11 +103,23 @@ class See(PictureOptions):
                 yield result
             for film, of_pictures in known.items():
                 if film in attitudes and not all(of_pictures):
-                    without = f"{len(of_pictures) - sum(of_pictures)} of {len(of_pictures)} pictures lie outside of"
-                    where = f"{attitudes[film].words} on the film's clock (--attitude-start-s)"
-                    broken(film, DataError(f"{film}: {without} {where}"))
+                    of = len(of_pictures)
+                    without = f"{of - sum(of_pictures)} of {of} pictures are without attitude"
+                    wanted = f"expected readings at most {MOST_GAP_S:g} s apart along the film (--attitude-start-s)"
+                    got = f"got {attitudes[film].words} on the film's clock"
+                    broken(film, DataError(f"{film}: {without}; {wanted}, {got}"))
 
         return look(self, COLUMNS, lambda it: draw_observation(it.picture.image, it.observation), seen)
+
+    def _check_alike(self, logs: Mapping[Path, FlightLog]) -> None:
+        """DataError where flight logs have different cameras or cues, and none was given."""
+        for what, given, of_logs in (
+            ("camera", self.calibration, [log.header.camera.digest for log in logs.values()]),
+            ("cue", self.cue or self.config, [log.header.rig.cue for log in logs.values()]),
+        ):
+            other = next((path for path, of_log in zip(logs, of_logs, strict=True) if of_log != of_logs[0]), None)
+            if given is None and other is not None:
+                raise DataError(f"{other} has another {what} than {next(iter(logs))}: look at them one by one")
 
     def _cue(self, configured: Cue, logs: Mapping[Path, FlightLog]) -> Cue:
         """The cue that is looked for."""

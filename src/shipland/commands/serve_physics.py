@@ -51,7 +51,7 @@ class ServePhysics(ScenarioOptions):
         """Serve until the flight is over; Ctrl-C ends it before."""
         from shipland.api import checked_seed
 
-        check_between(0, 65535, port=self.port, frames_port=self.frames_port)
+        check_between(1, 65535, port=self.port, frames_port=self.frames_port)
         if self.interface == "ros2" and self.port is not None:
             raise ConfigError("--port is of json and px4: ros2 has topics, see --namespace")
         scenario, seed = self.load(), checked_seed(self.seed)

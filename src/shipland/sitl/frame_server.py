@@ -14,13 +14,15 @@ from typing import NamedTuple
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.errors import VehicleError
+from shipland.errors import ShiplandError, VehicleError
 from shipland.messages import TouchdownVerdict
 from shipland.scenario.autonomy import build_scene, drawn_ship
 from shipland.scenario.scenario import Scenario
 from shipland.scenario.seeds import generators_of
 from shipland.sim.state import Snapshot, scene_of, truth_of
 from shipland.vehicles.frame_link import frame_record, verdict_record
+
+_GONE = "the camera's process has ended"
 
 
 class _Shown(NamedTuple):
@@ -34,6 +36,8 @@ class FrameServer(AbstractContextManager["FrameServer"]):
     """Takes exposures from the physics and never makes it wait.
 
     Frames leave `delays.video_s` after their exposure; while a picture is drawn, those that come are left out.
+
+    VehicleError where the port is not ours to listen on, or where pictures cannot be drawn.
     """
 
     def __init__(self, scenario: Scenario, seed: int, host: str, port: int, pictures: bool) -> None:
@@ -42,14 +46,20 @@ class FrameServer(AbstractContextManager["FrameServer"]):
             self._listener = socket.create_server((host, port))
         except OSError as error:
             raise VehicleError(f"cannot listen on {host}:{port}: {error.strerror}") from None
-        near, far = context.Pipe(duplex=False)
-        self._link = far
+        near, self._link = context.Pipe()
         self._process = context.Process(
             target=_serve_frames, args=(near, self._listener, scenario, seed, pictures), daemon=True
         )
         self._process.start()
         near.close()
+        self._listener.close()  # the process has it: without the process nobody is to connect
         self._ended = False
+        problem = _GONE
+        with suppress(EOFError, OSError):
+            problem = self._link.recv()
+        if problem:
+            self.__exit__()
+            raise VehicleError(problem)
 
     def __exit__(self, *_: object) -> None:
         with suppress(OSError):
@@ -58,12 +68,13 @@ class FrameServer(AbstractContextManager["FrameServer"]):
         self._process.kill()
         self._process.join()
         self._link.close()
-        self._listener.close()
 
     def show(self, t_s: float, snapshot: Snapshot) -> None:
-        """An exposure at the served clock's `t_s`."""
-        with suppress(OSError):
+        """An exposure at the served clock's `t_s`; VehicleError where the process that takes it is gone."""
+        try:
             self._link.send(_Shown(t_s, snapshot))
+        except OSError:
+            raise VehicleError(_GONE) from None
 
     def end(self, verdict: TouchdownVerdict) -> None:
         """The flight is over; once is enough."""
@@ -74,14 +85,19 @@ class FrameServer(AbstractContextManager["FrameServer"]):
 
 
 def _serve_frames(link: Connection, listener: socket.socket, scenario: Scenario, seed: int, pictures: bool) -> None:
-    """The process: exposures in, frames out to the newest who connected; whoever serves ends it."""
+    """The process: says why it cannot draw, or nothing; then exposures in, frames out; whoever serves ends it."""
     for which in (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT):  # they reach the whole group
         signal.signal(which, signal.SIG_IGN)
     clients: list[socket.socket] = []
     threading.Thread(target=_accept, args=(listener, clients), daemon=True).start()
     ship, camera = drawn_ship(scenario, seed), Camera.from_parameters(scenario.camera)
     rng = generators_of(seed).picture
-    scene = build_scene(scenario, seed) if pictures else None
+    try:
+        scene = build_scene(scenario, seed) if pictures else None
+    except ShiplandError as error:
+        link.send(str(error))
+        return
+    link.send("")
     waiting: list[tuple[float, _Shown, bytes]] = []
     while True:
         try:

@@ -83,12 +83,14 @@ class JsonLink(AbstractContextManager["JsonLink"]):
         self._socket.close()
 
     def fly(self, flight: ServedFlight) -> None:
-        """One step a packet, until the flight is done."""
+        """One step a packet, until the flight is done, or has its verdict and the flight controller goes."""
         count, line = -1, b""
         while not flight.done:
             try:
                 data, sender = self._socket.recvfrom(512)
             except TimeoutError:
+                if flight.held.world.over():
+                    return
                 continue
             packet = ServoPacket.parse(data)
             if packet is None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import logging
 import math
+import sys
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,11 +24,14 @@ COLUMNS = ("t_s", "roll_deg", "pitch_deg")
 SUFFIXES = (".csv", ".bin", ".tlog", ".ulg")
 """Files that `read_attitude` takes."""
 
-_MOST_GAP_S = 0.5
+MOST_GAP_S = 0.5
 """Longest time between two readings over which they are interpolated, and from the last one on over which it holds."""
 
 _MOST_DEG = 180.0
 """Largest angle that a table may give."""
+
+_MOST_BACK_S = 1.0
+"""By so much a restarted vehicle's clock goes back at least; a link may bring messages in another order."""
 
 _CANNOT = "{path} cannot be read as {kind}: {error}"
 
@@ -92,7 +97,7 @@ class AttitudeTrack:
         after = int(np.searchsorted(self.t_s, t_s))
         near_s = self.t_s[max(after - 1, 0) : after + 1]
         apart_s = near_s[1] - near_s[0] if len(near_s) == 2 else abs(near_s[0] - t_s)
-        if not apart_s <= _MOST_GAP_S:
+        if not apart_s <= MOST_GAP_S:
             return GimbalAttitude(math.nan, math.nan)
         roll_rad, pitch_rad = (float(np.interp(t_s, self.t_s, values)) for values in (self.roll_rad, self.pitch_rad))
         return GimbalAttitude(roll_rad, pitch_rad)
@@ -174,37 +179,51 @@ _ULOG = {False: ("gimbal_device_attitude_status", "mount_orientation"), True: ("
 
 
 def _of_ardupilot(path: Path, body: bool) -> list[Reading]:
-    names = (_TLOG if path.suffix.lower() == ".tlog" else _BIN)[body]
+    of_ground = path.suffix.lower() == ".tlog"
+    names = (_TLOG if of_ground else _BIN)[body]
     rows: dict[str, list[Reading]] = {name: [] for name in names}
+    senders: dict[str, set[tuple[int, int]]] = {name: set() for name in names}
     for message in _messages(path, names):
-        reading = _reading(message)
-        if reading is not None:
-            rows[message.get_type()].append(reading)
-    return next((some for some in rows.values() if some), None) or _none(path, body, names)
+        name = message.get_type()
+        rows[name].append(_reading(message))
+        if of_ground:
+            senders[name].add((message.get_srcSystem(), message.get_srcComponent()))
+    first = next((name for name in names if rows[name]), None)
+    if first is None:
+        raise no_attitude(path, body, names)
+    _check_one_clock(f"{path}: {first}", rows[first], senders[first])
+    return rows[first]
 
 
-def _none(path: Path, body: bool, names: Iterable[str]) -> list[Reading]:
-    raise no_attitude(path, body, names)
+def _check_one_clock(what: str, readings: list[Reading], senders: set[tuple[int, int]]) -> None:
+    """DataError where a ground station's log holds those of several senders, or of a vehicle that was restarted."""
+    if len(senders) > 1:
+        listed = ", ".join(f"{system}/{component}" for system, component in sorted(senders))
+        raise DataError(
+            f"{what} comes from several senders (system/component {listed}), each with a clock of its own; keep one "
+            "with mavlogdump.py --source-system, --source-component"
+        )
+    back = np.flatnonzero(np.diff([t_s for t_s, _, _ in readings]) < -_MOST_BACK_S) if senders else np.zeros(0, int)
+    if back.size:
+        raise DataError(
+            f"{what} begins again after {readings[back[0]][0]:.2f} s of its clock: the vehicle was restarted; keep one "
+            "part with mavlogdump.py --condition"
+        )
 
 
 def _messages(path: Path, names: Iterable[str]) -> Iterator[Any]:
     """The messages of some names in ArduPilot's log."""
+    from pymavlink import mavutil
+
+    log = mavutil.mavlink_connection(str(path), dialect="ardupilotmega")
     try:
-        from pymavlink import mavutil
-    except ModuleNotFoundError as error:
-        raise DataError(f"{path} needs {error.name}; install it with: pip install 'shipland[mavlink]'") from None
-    try:
-        log = mavutil.mavlink_connection(str(path), dialect="ardupilotmega")
-        try:
-            while (message := log.recv_match(type=list(names))) is not None:
-                yield message
-        finally:
-            log.close()
-    except (OSError, ValueError, IndexError, KeyError, TypeError) as error:  # of a damaged file
-        raise DataError(_CANNOT.format(path=path, kind="ArduPilot's log", error=error)) from None
+        while (message := log.recv_match(type=list(names))) is not None:
+            yield message
+    finally:
+        log.close()
 
 
-def _reading(message: Any) -> Reading | None:  # noqa: ANN401 - pymavlink has no types
+def _reading(message: Any) -> Reading:  # noqa: ANN401 - pymavlink has no types
     """Time since boot [s], roll and pitch [rad]."""
     name = message.get_type()
     if name in ("ATT", "MNT"):
@@ -219,16 +238,12 @@ def _reading(message: Any) -> Reading | None:  # noqa: ANN401 - pymavlink has no
 
 
 def _of_px4(path: Path, body: bool) -> list[Reading]:
-    try:
-        from pyulog import ULog
-    except ModuleNotFoundError as error:
-        raise DataError(f"{path} needs {error.name}; install it with: pip install 'shipland[mavlink]'") from None
+    from pyulog import ULog
+
     names = _ULOG[body]
     level = logging.root.level
     try:
         log = ULog(str(path), list(names))
-    except Exception as error:  # of a damaged file, whatever the library raises
-        raise DataError(_CANNOT.format(path=path, kind="PX4's log", error=error or type(error).__name__)) from None
     finally:
         logging.root.setLevel(level)
     topics = {data.name: data.data for data in log.data_list if data.multi_id == 0}
@@ -244,9 +259,24 @@ def _of_px4(path: Path, body: bool) -> list[Reading]:
     return [(t, roll, pitch) for t, (roll, pitch) in zip(t_s.tolist(), angles, strict=True)]
 
 
+def _of_autopilot(path: Path, body: bool) -> list[Reading]:
+    """What pymavlink or pyulog make of a log; of a damaged one they print to standard output and raise anything."""
+    read, kind = (_of_px4, "PX4's log") if path.suffix.lower() == ".ulg" else (_of_ardupilot, "ArduPilot's log")
+    try:
+        with redirect_stdout(sys.stderr):
+            return read(path, body)
+    except DataError:
+        raise
+    except ModuleNotFoundError as error:
+        raise DataError(f"{path} needs {error.name}; install it with: pip install 'shipland[mavlink]'") from None
+    except Exception as error:
+        said = f"{type(error).__name__} {error}".strip()
+        raise DataError(_CANNOT.format(path=path, kind=kind, error=said)) from None
+
+
 _READERS: dict[str, Callable[[Path, bool], list[Reading]]] = {
     ".csv": _of_table,
-    ".bin": _of_ardupilot,
-    ".tlog": _of_ardupilot,
-    ".ulg": _of_px4,
+    ".bin": _of_autopilot,
+    ".tlog": _of_autopilot,
+    ".ulg": _of_autopilot,
 }

@@ -160,8 +160,10 @@ def calibrate(paths: Sequence[Path], board: Board, out: Path) -> Calibration:
 
     Raises:
         DataError: every picture is missing or broken, the board is described wrongly or found too rarely, the views do
-            not settle a camera, or the output cannot be written.
+            not settle a camera, or the output is a folder or cannot be written.
     """
+    if out.is_dir():
+        raise DataError(f"--out {out} is a folder; expected a file's name in it, as {out / 'camera.yaml'}")
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import itertools
 import math
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -49,7 +48,7 @@ class FilePicture:
         name: the file's path as given; of a video's picture, with `#` and its number from 000000.
         source: the file.
         image: (H,W,3) BGR.
-        t_s: time in its video or log; 0 for a single picture.
+        t_s: time since its video's first picture, or by its log's clock; 0 for a single picture.
         follows: it comes after the one before in a video.
         of: pictures in its video, as the file says; 0 where it does not.
     """
@@ -94,15 +93,16 @@ def pictures_of(
 
     Args:
         paths: pictures, folders of pictures, videos, flight logs.
-        broken: called with a picture or video that is missing or broken, before the rest follows; None raises.
+        broken: called with a picture or video that is missing or broken, or a folder without pictures, before the rest
+            follows; None raises.
 
     Raises:
-        DataError: no path, an empty folder, or, without `broken`, a picture or video is missing or broken.
+        DataError: no path, or, without `broken`, what it would be called with.
     """
     if not paths:
         raise DataError("nothing to look at; give at least one picture, folder of pictures or video")
-    files = itertools.chain.from_iterable(picture_files(path) if path.is_dir() else [path] for path in paths)
-    for path in files:
+    named = broken or _raise
+    for path in _files_of(paths, named):
         try:
             if is_film(path):
                 of = 0 if is_log(path) else _count_of(path)
@@ -111,8 +111,18 @@ def pictures_of(
             else:
                 yield FilePicture(str(path), path, read_picture(path))
         except DataError as error:
-            if broken is None:
-                raise
+            named(path, error)
+
+
+def _raise(_path: Path, error: DataError) -> None:
+    raise error
+
+
+def _files_of(paths: Sequence[Path], broken: Callable[[Path, DataError], None]) -> Iterator[Path]:
+    for path in paths:
+        try:
+            yield from picture_files(path) if path.is_dir() else [path]
+        except DataError as error:
             broken(path, error)
 
 
@@ -192,10 +202,15 @@ def _count_of(path: Path) -> int:
     import av
 
     try:
-        with av.open(str(path)) as container:
+        with av.open(_file_name(path)) as container:
             return int(container.streams.video[0].frames) if container.streams.video else 0
     except (av.error.FFmpegError, OSError):
         return 0
+
+
+def _file_name(path: Path) -> str:
+    """A path for FFmpeg, which takes what stands before a colon, as in 10:30.mp4, for a protocol, but after a slash."""
+    return str(path.absolute())
 
 
 def _breaks_off(data: bytes) -> bool:
@@ -218,7 +233,9 @@ def _scan_of(data: bytes) -> int:
 
 
 def read_video(path: Path) -> Generator[tuple[float, Picture], None, None]:
-    """A video's pictures with their times: t [s] and (H,W,3) BGR, turned as the file says.
+    """A video's pictures with their times: t [s] since the first and (H,W,3) BGR, turned as the file says.
+
+    The file's own stamps may begin anywhere: a camera that cuts its films into parts counts on from one to the next.
 
     Raises:
         DataError: it is missing, not a video, or breaks off.
@@ -229,7 +246,7 @@ def read_video(path: Path) -> Generator[tuple[float, Picture], None, None]:
     stamps_s: list[float] = []
     sound_s = -math.inf
     try:
-        with av.open(str(path)) as container:
+        with av.open(_file_name(path)) as container:
             if not container.streams.video:
                 raise DataError(f"{path} holds no video stream")
             stream = container.streams.video[0]
@@ -242,7 +259,8 @@ def read_video(path: Path) -> Generator[tuple[float, Picture], None, None]:
                     for picture in stream.decode(packet):
                         stamps_s.append(float(len(stamps_s) * step_s if picture.time is None else picture.time))
                         pixels = np.asarray(picture.to_ndarray(format="bgr24"), np.uint8)
-                        yield stamps_s[-1], np.ascontiguousarray(np.rot90(pixels, round(picture.rotation / 90.0)))
+                        turned = np.ascontiguousarray(np.rot90(pixels, round(picture.rotation / 90.0)))
+                        yield stamps_s[-1] - stamps_s[0], turned
                 elif packet.pts is not None:
                     sound_s = max(sound_s, float(packet.pts * (packet.time_base or 0)))
     except (av.error.FFmpegError, OSError) as error:
