@@ -53,7 +53,7 @@ def test_a_page_is_the_paper(tmp_path, paper):
 
 def test_lengths_on_one_large_sheet(tmp_path):
     plates = [Polygon.rectangle((right_m, 0.0), 0.3, 0.1) for right_m in (-0.35, 0.35)]
-    print_sheets(tmp_path / "cue.pdf", cue_drawing(Cue(tuple(plates)), GREEN), "A0", "bar")
+    print_sheets(tmp_path / "cue.pdf", cue_drawing(Cue(tuple(plates)), GREEN), "A0", "my$bar_$^2")  # no formula
     ((_, image),) = pages(tmp_path / "cue.pdf")
     middle = is_green(image)[image.shape[0] // 2]
     assert np.diff(edges_mm(middle)) == pytest.approx([300.0, 400.0, 300.0], abs=0.5)

@@ -159,7 +159,7 @@ def _sheet(drawing: Drawing, sheets: Sheets, column: int, row: int, title: str) 
         axes.plot([end_mm, end_mm], [foot_mm - 1.5, foot_mm + 1.5], color="black", lw=0.6)
     where = f", sheet {column + 1} of {sheets.across} across, {row + 1} of {sheets.down} down"
     words = f"{title}{where if sheets.across * sheets.down > 1 else ''}; the line is 100 mm"
-    axes.text(_MARGIN_MM + _RULER_MM + 3.0, foot_mm, words, fontsize=6.0, va="center")
+    axes.text(_MARGIN_MM + _RULER_MM + 3.0, foot_mm, words, fontsize=6.0, va="center", parse_math=False)
     return figure
 
 
