@@ -45,6 +45,7 @@ from shipland.evaluation.tables import summary_of
 from shipland.evaluation.tally import Tally
 from shipland.extras import require
 from shipland.factories import Factory
+from shipland.files import write_atomically, writing
 from shipland.progress import followed
 from shipland.rig import area_of
 from shipland.scenario.scenario import Scenario
@@ -290,7 +291,8 @@ def fly_plan(
     with open_campaign(plan) as opened:
         left = sum(1 for _ in opened.missing())
         if left and workers != 0:
-            left -= _fly(opened, left, workers, cluster, time_limit_s, progress)
+            _fly(opened, left, workers, cluster, time_limit_s, progress)
+            left = sum(1 for _ in opened.missing())  # flights that ended while the others were stopped are kept too
         found = Campaign(tuple(opened.results()), left, tuple(opened.lost), plan.out)
     if found.lost and not found.landings:
         raise DataError(
@@ -329,8 +331,8 @@ def _fly(
     cluster: str,
     time_limit_s: float,
     progress: bool | Callable[[CampaignProgress], None],
-) -> int:
-    """Fly what is missing; how many were flown."""
+) -> None:
+    """Fly what is missing."""
     here = min(workers or len(os.sched_getaffinity(0)), left)
     executor = on_cluster(cluster) if cluster else processes(here)
     plan, flown, success, begun_s = opened.plan, 0, 0, time.monotonic()
@@ -369,15 +371,16 @@ def _fly(
                     print(f"lost: {cell}, seed {seed}: {reason}", file=sys.stderr)
                 if len(opened.lost) > _MOST_LOST:
                     print(f"lost: {len(opened.lost) - _MOST_LOST} more", file=sys.stderr)
-    return flown
 
 
 def _write(found: Campaign, plan: CampaignPlan, folder: Path, oracle_motions: int) -> None:
     """Tables and pictures beside the rows."""
     from shipland.report.landing_plots import write_campaign
 
-    write_rows(folder / "flights.csv", read_cells([folder]))
+    with writing(folder / "flights.csv"):
+        write_rows(folder / "flights.csv", read_cells([folder]))
     for planned, flown in zip(plan.cells, found.cells, strict=True):
         if flown.landings:
             write_campaign(folder / flown.name, planned, flown.landings)
-    (folder / "tables.md").write_text(found.tables(oracle_motions) + "\n", encoding="utf-8")
+    with writing(folder / "tables.md"):
+        write_atomically(folder / "tables.md", f"{found.tables(oracle_motions)}\n".encode())

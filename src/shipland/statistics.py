@@ -5,7 +5,7 @@ SciPy's statistics are imported late: they take a second, which a worker that on
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -14,6 +14,8 @@ import numpy.typing as npt
 CONFIDENCE = 0.95
 _RESAMPLES = 2000
 """Of a bootstrap."""
+_MOST_DRAWN = 1 << 20
+"""Values that a bootstrap draws at a time."""
 
 
 class Interval(NamedTuple):
@@ -65,9 +67,20 @@ def quantile_interval(values: npt.NDArray[np.float64], share: float, rng: np.ran
     """Interval of a quantile of independent values, from a bootstrap; NaN with fewer than two of them."""
     if len(values) < 2:
         return Interval(float("nan"), float("nan"))
-    drawn = values[rng.integers(0, len(values), (_RESAMPLES, len(values)))]
-    ends = np.quantile(np.quantile(drawn, share, axis=1), [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE])
-    return Interval(float(ends[0]), float(ends[1]))
+    return _middle(np.concatenate([np.quantile(values[drawn], share, axis=1) for drawn in _drawn(len(values), rng)]))
+
+
+def _drawn(count: int, rng: np.random.Generator) -> Iterator[npt.NDArray[np.int64]]:
+    """Numbers of a bootstrap's values, a row a resample; a few rows at a time, as many as memory is well spent on."""
+    rows = max(1, _MOST_DRAWN // count)
+    for first in range(0, _RESAMPLES, rows):
+        yield rng.integers(0, count, (min(rows, _RESAMPLES - first), count))
+
+
+def _middle(found: npt.NDArray[np.float64]) -> Interval:
+    """What the middle 95 % of a bootstrap's results lie in."""
+    low, high = np.quantile(found, [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE])
+    return Interval(float(low), float(high))
 
 
 def compare(
@@ -98,8 +111,7 @@ def compare(
     if len(one) > 0:
         difference_m = float(np.median(one) - np.median(two))
     if len(one) > 1:
-        drawn = rng.integers(0, len(one), (_RESAMPLES, len(one)))
-        differences_m = np.median(one[drawn], axis=1) - np.median(two[drawn], axis=1)
-        low, high = np.quantile(differences_m, [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE])
-        interval_m = Interval(float(low), float(high))
+        rows = _drawn(len(one), rng)
+        differences_m = [np.median(one[drawn], axis=1) - np.median(two[drawn], axis=1) for drawn in rows]
+        interval_m = _middle(np.concatenate(differences_m))
     return Pairing(len(first_ok), only_first, only_second, p_value, difference_m, interval_m)

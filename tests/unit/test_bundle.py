@@ -18,7 +18,7 @@ import shipland
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation import job
 from shipland.evaluation.bundle import opened, write_bundle
-from shipland.evaluation.suite import Suite, SuiteEntry, sealed_seeds
+from shipland.evaluation.suite import Suite, SuiteEntry, load_suite, sealed_seeds
 from shipland.evaluation.verify import Verified, fly_again, read_receipt, write_receipt
 from shipland.record.info import config_digest
 from shipland.report.benchmark_page import benchmark_page, entries_of, standings
@@ -176,8 +176,17 @@ FORGERIES = {
     "a way out": (lambda files: files.update({"../more": b""}), True, "leads out of the bundle"),
     "code that is not in it": (key(pilot="antigravity:fly"), True, "names code that the bundle does not hold: antig"),
     "a cell without its pilot": (
-        lambda files: files.update({"cells.json": b'{"cells": {"rig-natops_paper": {}}}'}), True, "not what a campaign",
+        in_json("cells.json", lambda table: table["cells"]["rig-natops_paper"].clear()), True, "not what a campaign",
     ),
+    "settings that are no texts": (
+        in_json("cells.json", lambda table: table["cells"]["rig-natops_paper"].update(settings={"wind": 5})), True,
+        "rig-natops_paper: not what a campaign leaves",
+    ),
+    "a script for a number": (
+        in_json("cells.json", lambda table: table["machine"].update(cores="<script>fetch('https://…')</script>")), True,
+        "cells.json is not readable",
+    ),
+    "no machine": (in_json("cells.json", lambda table: table.pop("machine")), True, "cells.json is not readable"),
     "a file of no cell": (lambda files: files.update({"code/numpy.py": b""}), True, "numpy.py is neither a file of"),
     "a seed written otherwise": (with_row(3, seed="03"), True, "seed 03: seed is 03, but its other columns make it 3"),
     "no cell, seeds sealed": (
@@ -313,6 +322,27 @@ def test_a_part_of_a_suite_leaves_no_bundle(tmp_path, here):
     done = here("submit", fly(tmp_path / "part", only="rig-*"), "--title", "part", "--out", tmp_path / "part.zip")
     assert (done.returncode, "every cell counts" in done.stderr) == (2, True)
     assert not (tmp_path / "part.zip").exists()
+
+
+def test_a_suite_that_nobody_else_has_leaves_no_bundle(tmp_path, monkeypatch, here):
+    monkeypatch.setattr("shipland.evaluation.bundle.load_suite", load_suite)
+    done = here("submit", fly(tmp_path / "own"), "--title", "own", "--out", tmp_path / "own.zip")
+    assert (done.returncode, "flew suite tiny 1, which is none of the packaged ones" in done.stderr) == (2, True)
+    assert not (tmp_path / "own.zip").exists()
+
+
+def test_no_leaderboard_pairs_flights_of_different_scenarios_of_one_name(tmp_path, here):
+    calm, bundles = tmp_path / "calm.toml", []
+    calm.write_text("[wind]\nmean_mps = 0.0\n")
+    for title, config in (("as packaged", None), ("calm", calm)):
+        options = {"runs": 2, "workers": 1, "progress": False, "oracle_motions": 0}
+        shipland.campaign("near", pilot="paper", out=tmp_path / title, config=config, **options)
+        bundles.append(tmp_path / f"{title}.zip")
+        write_bundle(tmp_path / title, bundles[-1], title, 0, None)
+    done = here("report", *bundles, "--oracle-motions", "0")
+    assert (done.returncode, done.stderr) == (
+        2, f"shipland: {bundles[1]}: near is another scenario than in the bundles before it\n",
+    )  # fmt: skip
 
 
 def test_an_own_aircraft_is_taken_along(tmp_path, monkeypatch):

@@ -141,6 +141,26 @@ def test_broken_row_is_named(plan, table):
         run_campaign(plan)
 
 
+@pytest.mark.parametrize("more", [-8, -1, 1])
+def test_a_row_of_other_columns_than_its_head_is_named(plan, table, more):
+    head, first, second, *rest = table.read_text().splitlines()
+    values = [*second.split(","), "7"][: len(second.split(",")) + more]
+    table.write_text("\n".join([head, first, ",".join(values), *rest, ""]))
+    with pytest.raises(DataError, match="line 3"):
+        run_campaign(plan)
+
+
+def test_a_folder_without_a_row_binds_nobody(plan, monkeypatch):
+    with open_campaign(plan):  # none flew: they were stopped, or the pilot raised each time
+        pass
+    monkeypatch.setattr(folders, "source_digest", lambda: "0" * 16)
+    run_campaign(plan)
+    assert json.loads((cell_of(plan) / "campaign.json").read_text())["source"] == "0" * 16
+    monkeypatch.undo()
+    with pytest.raises(DataError, match="another code"), open_campaign(plan):
+        pass
+
+
 def test_a_row_cut_short_is_flown_again(plan, first, table, flown):
     table.write_text(table.read_text()[:-20])
     assert run_campaign(plan) == first

@@ -4,6 +4,9 @@ import csv
 import gc
 import json
 import logging
+import re
+import resource
+import signal
 import tracemalloc
 from contextlib import closing
 from dataclasses import replace
@@ -13,10 +16,11 @@ import numpy as np
 import pytest
 from test_campaign import GOOD, NOWHERE, make_up_flights, seeded
 
+from shipland.commands.report import Report
 from shipland.config import packaged_names
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation import campaign, job
-from shipland.evaluation.campaign import CampaignPlan, open_campaign, processes, read_cells, write_rows
+from shipland.evaluation.campaign import CampaignPlan, open_campaign, processes, read_about, read_cells, write_rows
 from shipland.evaluation.leaderboard import (
     campaign_pairings,
     leaderboard,
@@ -28,6 +32,7 @@ from shipland.evaluation.leaderboard import (
     swept_keys,
 )
 from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of, load_suite, task_digest
+from shipland.report.campaign_page import campaign_page
 from shipland.rig import Rig
 from shipland.statistics import quantile_interval
 
@@ -104,6 +109,55 @@ def test_folders_are_merged_and_a_flight_counts_once(plan, tmp_path):
     key.write_text(json.dumps(json.loads(key.read_text()) | {"source": "other"}))
     with pytest.raises(DataError, match="other code"):
         read_cells([plan.out, other.out])
+
+
+def test_each_flight_of_merged_folders_is_flown_again_from_its_own(plan, tmp_path):
+    fly(replace(plan, seeds=range(1, 3)))  # the paper's pilot misses seed 2
+    other = replace(plan, out=tmp_path / "other", seeds=range(3, 4))
+    fly(other)
+    text = campaign_page(read_cells([plan.out, other.out]), read_about(other.out), {}, tmp_path)
+    name = plan.cells[0].name
+    assert f"<code>shipland again {plan.out}/{name} --video --seed 2</code>" in text
+    told = json.loads(re.search(r'id="flights">(.*?)</script>', text)[1])
+    assert {told["cells"][cell]["again"] + str(seed) for cell, seed, *_ in told["flights"] if cell < 2} == {
+        *(f"shipland again {plan.out}/{name} --video --seed {seed}" for seed in (1, 2)),
+        f"shipland again {other.out}/{name} --video --seed 3",
+    }
+
+
+def test_pilots_of_one_group_meet_one_scenario(plan, tmp_path):
+    def by_horizon(text):
+        (tmp_path / "laid.toml").write_text(text)
+        cells = cells_of(GRID, Overrides(("horizon",), ("wind.mean_mps=0",), tmp_path / "laid.toml"))
+        return replace(plan, cells=cells)
+
+    fly(replace(plan, cells=[cell for cell in plan.cells if cell.pilot == "paper"]))
+    calm = by_horizon("[ship.course]\nspeed_mps = 3.0\n")
+    words = "rig-natops_mean_mps=0_horizon and rig-natops_mean_mps=0_paper are both called rig-natops_mean_mps=0, but"
+    with pytest.raises(DataError, match=words):
+        fly(calm)
+    assert not read_about(plan.out)["cells"].keys() & {cell.name for cell in calm.cells}
+    apart = replace(calm, out=tmp_path / "apart")
+    fly(apart)
+    with pytest.raises(DataError, match=words):
+        read_cells([plan.out, apart.out])
+    assert fly(by_horizon("[guidance.search]\nclimb_s = 4.0\n")) == 6, "who flies may be set otherwise"
+    assert {pairing.flights for pairing in pilot_pairings(read_cells([plan.out])).values()} == {3}
+
+
+def test_a_full_disk_leaves_the_report_that_was_there(plan):
+    fly(plan)
+    Report((plan.out,), oracle_motions=0).run()
+    before = (plan.out / "report.html").read_text()
+    limits, handler = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (2000, limits[1]))
+        with pytest.raises(DataError, match="cannot be written: File too large"):
+            Report((plan.out,), oracle_motions=0).run()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, handler)
+    assert (plan.out / "report.html").read_text() == before
 
 
 def test_a_broken_campaign_json_is_one_line_and_former_keys_in_it_are_read(plan):
@@ -282,6 +336,20 @@ def test_tables_name_the_landing_area_that_was_flown(plan):
         head, *_, legend = leaderboard(cells, {}).splitlines()
         assert f" | landed in the {area} | " in head
         assert f"landed in the {area}: " in legend
+
+
+def test_no_table_calls_two_landing_areas_by_the_size_of_one(plan):
+    fly(plan)
+    small, *_ = cells = read_cells([plan.out])
+    large = replace(small, rig=replace(small.rig, landing_square_m=1.0), name="large")
+    assert "| first contact in the 0.35 m square |" in rivals(cells)
+    head, _, *rows = rivals([small, large]).splitlines()
+    assert "| first contact in the landing area |" in head
+    assert "0.35" not in head
+    assert len(rows) == 2
+    text = campaign_page([small, large], read_about(plan.out), {}, plan.out)
+    for words in ("0.35 m square", "1 m square"):
+        assert f'aria-label="paper: first contact, {words}"' in text
 
 
 def test_a_median_lies_in_its_interval_as_often_as_said():

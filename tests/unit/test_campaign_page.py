@@ -49,10 +49,10 @@ def made_up(folder):
             CellResult(
                 cell.name, cell.group, "made-up 1", cell.pilot, cell.vision, cell.settings, cell.scenario.name,
                 cell.scenario.rig, cell.scenario.ship, cell.scenario.aircraft.airframe,
-                tuple(landings), logs,
+                tuple(landings), {landing.seed: logs for landing in landings},
             )
         )  # fmt: skip
-    logs = results[0].logs
+    logs = results[0].logs[17]
     logs.mkdir(parents=True)
     (logs / "17.mcap").write_bytes(b"")
     return results
@@ -70,7 +70,7 @@ def page(tmp_path_factory):
 
 def test_without_folders_nothing_promises_to_fly_it_again(page, tmp_path):
     assert "flies it again" in page.read_text()
-    cells = [replace(cell, logs=None) for cell in made_up(tmp_path)]
+    cells = [replace(cell, logs={}) for cell in made_up(tmp_path)]
     assert "flies it again" not in campaign_page(cells, ABOUT, {}, tmp_path)
 
 

@@ -73,6 +73,34 @@ def test_a_column_has_its_type_with_and_without_values():
     assert column_of("suite", ["", ""]).tolist() == ["", ""]
 
 
+def test_a_seed_of_many_digits_stays_itself():
+    assert column_of("seed", [1764475580123456789, 2**64 + 1]).tolist() == [1764475580123456789, 2**64 + 1]
+
+
+def test_flights_that_end_while_the_others_are_stopped_are_not_missing(made_up, monkeypatch):
+    def two_at_once(_):
+        def executor(flights, keep, _):
+            pairs = [(flight, job.land_once(flight)) for flight in flights]
+            try:
+                keep(*pairs[0])
+                yield pairs[0]
+            finally:
+                keep(*pairs[1])
+
+        return executor
+
+    monkeypatch.setattr("shipland.campaigns.processes", two_at_once)
+    found = grid(pilot="paper", settings=(), runs=2, time_limit_s=1e-9)
+    assert (len(found.landings), found.left) == (2, 0)
+
+
+def test_logs_that_come_too_late_are_told(made_up, tmp_path, here):
+    words = ["campaign", "--scenario", "near", "--runs", "3", "--workers", "1", "--oracle-motions", "0"]
+    assert "without --logs" not in here(*words, "--out", tmp_path).stderr
+    done = here(*words, "--out", tmp_path, "--logs")
+    assert "3 flights were flown before without --logs, and keep no log; another --out flies them again" in done.stderr
+
+
 def test_a_folder_holds_the_same_rows_and_is_not_flown_again(made_up, tmp_path):
     in_memory, flown = grid(), len(made_up)
     on_disk = grid(out=tmp_path)
@@ -194,6 +222,14 @@ def test_the_plot_shows_touchdowns_and_shares(made_up):
     low, high = share_interval(2, 4)
     assert list(shares.lines[0].get_xdata()) == [100 * low, 100 * high]
     assert figure._repr_png_().startswith(b"\x89PNG")
+
+
+def test_the_plot_shows_each_landing_area_by_itself(made_up):
+    scenarios = [load_scenario("near"), load_scenario("near", **{"name": "wide", "rig.landing_square_m": 0.5})]
+    *pads, _ = shipland.campaign(
+        scenarios, pilot="horizon", runs=1, workers=1, progress=False, oracle_motions=0
+    ).plot().axes  # fmt: skip
+    assert [axes.patches[1].get_width() for axes in pads] == [0.35, 0.5]
 
 
 def test_a_notebook_shows_cells_and_a_picture(made_up):

@@ -197,6 +197,17 @@ def test_without_the_truth_a_picture_has_its_gimbal_alone(tmp_path):
     assert not [name for name in row if name.startswith(("camera_in", "corner"))]
 
 
+def test_a_picture_tells_the_distortion_of_its_camera(tmp_path):
+    bent = replace(CAMERA, distortion=np.array([-0.2, 0.05, 0.001, -0.001, 0.0]))
+    parameters = LogParameters(image_width_px=320)
+    (tmp_path / "flown").mkdir()
+    write_log(tmp_path / "flown" / "flight.mcap", flight(1, 33.0, 33.5), parameters=parameters, camera=bent)
+    write_dataset(tmp_path / "flown", tmp_path / "set", HERE, pictures=True)
+    with (tmp_path / "set" / "pictures.csv").open() as file:
+        row = next(csv.DictReader(file))
+    assert [float(row[f"distortion_{number}"]) for number in range(1, 6)] == bent.distortion.tolist()
+
+
 def test_cycles_of_telemetry_alone_repeat_an_exposure(tmp_path):
     """As of a real vehicle whose pictures come late: two cycles of three."""
     seen = list(flight(1, 33.0, 34.0, pictures=False))[:24]

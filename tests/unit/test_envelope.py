@@ -110,6 +110,13 @@ def test_where_the_share_crosses_the_rate():
     assert border_kn(0.9, {10.0: Tally(10, 9), 20.0: Tally(10, 10)}) == (20.0, "more than")
 
 
+@pytest.mark.parametrize(("flights", "landed"), [(100, 55), (200, 110), (40, 36), (10, 9)])
+def test_as_many_as_wanted_is_enough(flights, landed):
+    rate = landed / flights
+    assert Tally(flights, landed).within(rate)
+    assert not Tally(flights, landed - 1).within(rate)
+
+
 def test_ratings_tell_refusals_from_hits():
     limits = load_scenario("rig-natops").verdict
     easy = replace(GOOD, sink_mps=0.5, slide_mps=0.1, tilt_deg=6.0)

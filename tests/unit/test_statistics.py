@@ -1,9 +1,11 @@
 """Intervals against published values, and paired comparisons that find what is there and nothing else."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
-from shipland.statistics import compare, mean_interval, share_interval
+from shipland.statistics import compare, mean_interval, quantile_interval, share_interval
 
 
 def test_exact_interval_is_clopper_and_pearsons():
@@ -50,6 +52,26 @@ def test_paired_bootstrap_sees_a_shift_smaller_than_the_spread():
     found = compare(ok, ok, first, second, rng)
     assert found.error_difference_m == pytest.approx(0.02, abs=0.01)
     assert found.error_interval_m.low > 0.005
+
+
+def test_a_bootstrap_of_many_flights_takes_little_memory():
+    """50 MB; drawn at once 10,000 flights take ten times as much."""
+    errors_m = np.random.default_rng(3).gamma(2.0, 0.05, 10_000)
+    ok = np.ones(len(errors_m), dtype=bool)
+    tracemalloc.start()
+    try:
+        compare(ok, ok, errors_m, errors_m + 0.01, np.random.default_rng(1))
+        quantile_interval(errors_m, 0.9, np.random.default_rng(1))
+        assert tracemalloc.get_traced_memory()[1] < 50e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_bootstrap_draws_the_same_whether_at_once_or_in_parts(monkeypatch):
+    values = np.random.default_rng(3).standard_normal(30)
+    whole = quantile_interval(values, 0.9, np.random.default_rng(1))
+    monkeypatch.setattr("shipland.statistics._MOST_DRAWN", 70)
+    assert quantile_interval(values, 0.9, np.random.default_rng(1)) == whole
 
 
 def test_no_touchdown_on_one_side_leaves_no_pairs():

@@ -59,6 +59,9 @@ class Campaign(CampaignOptions):
             raise ConfigError("give either a suite (`shipland suites` names them) or --scenario")
         found, stopped = self.flown(self._campaign, self.out)
         print((self.out / "tables.md").read_text(encoding="utf-8"), end="")
+        logs = [folder / f"{seed}.mcap" for cell in found.cells for seed, folder in cell.logs.items()]
+        if self.logs and (without := sum(not log.is_file() for log in logs)):
+            say(f"{without} flights were flown before without --logs, and keep no log; another --out flies them again")
         of_a_cell = f"landings.csv, table.md, {picture('landings.png')} and logs"
         files = f"tables.md, flights.csv, and for each cell a folder with {of_a_cell}"
         page = f"one page of all: shipland report {shlex.quote(str(self.out))}"

@@ -30,7 +30,7 @@ class Report:
 
     def run(self) -> int:
         """Write the page and say where."""
-        from shipland.files import writing
+        from shipland.files import write_atomically, writing
 
         if not self.folders:
             raise ConfigError("give the folder of a campaign, or bundles")
@@ -43,7 +43,7 @@ class Report:
         path = self.out or (beside[0] if len(beside) == 1 else Path("out/report")) / "report.html"
         page = self._leaderboard(path.parent) if any(bundles) else self._page(path.parent)
         with writing(path):
-            path.write_text(page, encoding="utf-8")
+            write_atomically(path, page.encode())
         print(path)
         return 0
 

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from shipland import factories
-from shipland.errors import DataError
+from shipland.errors import ConfigError, DataError
 from shipland.evaluation.campaign import CellResult, read_about, read_cells
 from shipland.evaluation.folder import rows_in
 from shipland.evaluation.landing import COLUMNS, Landing, as_text, row_of
@@ -301,7 +301,10 @@ def _check_suite(bundle: Bundle) -> None:
         bundle.notes.append("it names no suite: what its flights meet is its own choice")
         bundle.groups.update({cell.name: cell.group for cell in bundle.cells})
         return
-    suite = load_suite(words.rpartition(" ")[0])
+    try:
+        suite = load_suite(words.rpartition(" ")[0])
+    except ConfigError:
+        raise DataError(f"it flew suite {words}, which is none of the packaged ones") from None
     if words != f"{suite.name} {suite.version}":
         raise DataError(f"it flew suite {words}; this installation has {suite.name} {suite.version}")
     wanted = {task_digest([cell]): cell.group for cell in cells_of(suite.cells, Overrides(("paper",)))}

@@ -17,7 +17,7 @@ from shipland.errors import DataError
 from shipland.evaluation.folder import Rows, campaign_key, claimed, folder_in, read_campaign, read_key
 from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.evaluation.landing import COLUMNS, Landing, as_text, row_of
-from shipland.evaluation.suite import Cell
+from shipland.evaluation.suite import OF_THE_FLIER, Cell
 from shipland.factories import name_of
 from shipland.files import json_bytes, json_of, write_atomically, write_csv
 from shipland.former import renamed
@@ -81,6 +81,7 @@ class OpenCampaign:
             for cell in plan.cells:
                 key = campaign_key(cell.scenario, cell.pilot, cell.vision)
                 self._rows[cell.name] = folder_in(plan.out / cell.name, key)
+            _check_scenarios(_cells_in(plan, plan.out), plan.out)
 
     def missing(self) -> Iterator[FlightJob]:
         """The flights that are missing, seed by seed over all cells."""
@@ -148,13 +149,49 @@ def processes(count: int) -> Executor:
 
 def _write_beside(plan: CampaignPlan, out: Path) -> None:
     """cells.json: what was asked for, earlier cells of the folder included."""
-    before = read_about(out) if cells_file(out).exists() else {"cells": {}}
     table = {
         "command": plan.command,
         "machine": {"platform": platform.platform(), "processor": _processor(), "cores": os.cpu_count()},
-        "cells": before["cells"] | {cell.name: _about(cell, plan.suite) for cell in plan.cells},
+        "cells": _cells_in(plan, out),
     }
     write_atomically(out / "cells.json", json_bytes(table))
+
+
+def _cells_in(plan: CampaignPlan, out: Path) -> dict[str, Any]:
+    """What cells.json says of each cell, by its name; of earlier cells of the folder too."""
+    before = read_about(out)["cells"] if cells_file(out).exists() else {}
+    return before | {cell.name: _about(cell, plan.suite) for cell in plan.cells}
+
+
+def _check_scenarios(cells: Mapping[str, Any], out: Path) -> None:
+    """DataError where two cells of a folder are of one group and not of one scenario."""
+    scenarios = _Scenarios()
+    for name, about in cells.items():
+        try:
+            scenarios.check(name, about["group"], renamed(read_key(out / name)["scenario"]))
+        except (AttributeError, KeyError, TypeError) as error:
+            raise _not_left(name, error) from None
+
+
+class _Scenarios:
+    """What the flights of each group meet: the same, as its pilots are compared seed by seed."""
+
+    def __init__(self) -> None:
+        self._met: dict[str, tuple[str, dict[str, Any]]] = {}
+
+    def check(self, name: str, group: str, scenario: Mapping[str, Any]) -> None:
+        """Take one more cell; DataError where another of its group met something else."""
+        task = {section: values for section, values in scenario.items() if section not in OF_THE_FLIER}
+        other, met = self._met.setdefault(group, (name, task))
+        if met != task:
+            raise DataError(
+                f"{name} and {other} are both called {group}, but were not flown in the same scenario; "
+                "give another folder"
+            )
+
+
+def _not_left(name: str, error: Exception) -> DataError:
+    return DataError(f"{name}: not what a campaign leaves: {error!r}")
 
 
 def _about(cell: Cell, suite: str) -> dict[str, Any]:
@@ -174,7 +211,9 @@ def read_about(folder: Path) -> dict[str, Any]:
     path = cells_file(folder)
     try:
         table = json_of(path.read_text(encoding="utf-8"))
-        if not isinstance(table["cells"], dict):
+        machine = table["machine"]
+        texts = (table["command"], machine["platform"], machine["processor"])
+        if not (isinstance(table["cells"], dict) and isinstance(machine["cores"], int | None) and _are_texts(texts)):
             raise TypeError
     except OSError as error:
         raise DataError(f"{folder} holds no campaign: {path.name}: {error.strerror}") from None
@@ -187,6 +226,10 @@ def cells_file(folder: Path) -> Path:
     """cells.json of a folder, or bench.json, as it was called."""
     former = folder / "bench.json"
     return former if former.exists() and not (folder / "cells.json").exists() else folder / "cells.json"
+
+
+def _are_texts(values: Iterable[object]) -> bool:
+    return all(isinstance(value, str) for value in values)
 
 
 def _processor() -> str:
@@ -203,7 +246,7 @@ class CellResult:
 
     Attributes:
         rig, ship, airframe: what a landing is judged by, read back from what was flown.
-        logs: the folder with the logs of failures, for links; None without one.
+        logs: by seed, the folder with the logs of failures, for links; empty without one.
         key: campaign.json, as `campaign_key` makes it; empty of rows in memory.
     """
 
@@ -218,7 +261,7 @@ class CellResult:
     ship: ShipParameters
     airframe: AirframeParameters
     landings: tuple[Landing, ...]
-    logs: Path | None = None
+    logs: Mapping[int, Path] = field(default_factory=dict)
     key: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -231,10 +274,13 @@ def _result(
     name: str, about: Mapping[str, Any], flown: Mapping[str, Any], landings: Mapping[int, Landing]
 ) -> CellResult:
     """Of what cells.json says of a cell, the configuration that was flown, and the landings by seed."""
+    settings, words = dict(about["settings"]), ("suite", "scenario", "group", "pilot", "vision")
+    if not _are_texts((*settings.values(), *(about[word] for word in words))):
+        raise TypeError("expected texts in cells.json")
     return CellResult(
         name,
-        settings=tuple(about["settings"].items()),
-        **{word: about[word] for word in ("suite", "scenario", "group", "pilot", "vision")},
+        settings=tuple(settings.items()),
+        **{word: about[word] for word in words},
         rig=build(Rig, flown["rig"], "rig"),
         ship=build(ShipParameters, flown["ship"], "ship"),
         airframe=build(AirframeParameters, flown["aircraft"]["airframe"], "aircraft.airframe"),
@@ -250,6 +296,7 @@ def read_cells(folders: Sequence[Path]) -> list[CellResult]:
     """
     found: dict[str, CellResult] = {}
     keys: dict[str, dict[str, Any]] = {}
+    scenarios = _Scenarios()
     for folder in folders:
         for name, about in read_about(folder)["cells"].items():
             try:
@@ -258,12 +305,16 @@ def read_cells(folders: Sequence[Path]) -> list[CellResult]:
                 if keys.setdefault(name, bound) != bound:
                     raise DataError(f"{name}: flown with other code, configuration or weights in {folder} than before")
                 landings = {it.seed: it for it in read_campaign(folder / name)}
+                logs = dict.fromkeys(landings, folder / name / "flights")
                 if name in found:
                     landings = {it.seed: it for it in found[name].landings} | landings
-                made = _result(name, about, renamed(key["scenario"]), landings)
-                found[name] = replace(made, logs=folder / name / "flights", key=key)
-            except (KeyError, TypeError) as error:
-                raise DataError(f"{name}: not what a campaign leaves: {error!r}") from None
+                    logs = {**found[name].logs, **logs}
+                flown = renamed(key["scenario"])
+                made = _result(name, about, flown, landings)
+                scenarios.check(name, made.group, flown)
+                found[name] = replace(made, logs=logs, key=key)
+            except (AttributeError, KeyError, TypeError, ValueError) as error:
+                raise _not_left(name, error) from None
     return list(found.values())
 
 

@@ -181,13 +181,13 @@ def limit_use(landing: Landing, limits: VerdictParameters) -> float:
 
 def rating_of(landings: Sequence[Landing], limits: VerdictParameters, rate: float) -> int:
     """1 to 5: see `RATINGS`; by the shares as measured, not by their intervals."""
-    bad, good = sum(it.bad for it in landings), sum(it.success for it in landings)
+    bad, tally = sum(it.bad for it in landings), Tally.of(landings)
     if 10 * bad >= len(landings):
         return 5
-    if good < rate * len(landings):
+    if not tally.within(rate):
         return 4
     used = float(np.quantile([limit_use(it, limits) for it in landings if it.touched], 0.9))
-    if good == len(landings) and used <= 0.5:
+    if tally.landed == tally.flights and used <= 0.5:
         return 1
     return 2 if not bad and used <= 0.75 else 3
 

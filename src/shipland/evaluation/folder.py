@@ -164,15 +164,16 @@ def folder_in(out: Path, key: dict[str, Any]) -> Rows:
     path, beside = out / "landings.csv", out / "campaign.json"
     try:
         out.mkdir(parents=True, exist_ok=True)
-        if not path.exists() and not beside.exists():
+        text = read_text(path) if path.exists() else ""
+        whole = _whole_rows(text)
+        if not whole.partition("\n")[2]:  # no row yet: what a campaign was to fly there before binds nobody
+            whole = ",".join(COLUMNS) + "\n"
             write_atomically(beside, json_bytes(key))
         elif not beside.exists():
             raise DataError(f"{out} holds landings without campaign.json; give another folder")
         found = read_key(out)
         if differ := [words for name, words in _BOUND.items() if found.get(name) != key[name]]:
             raise DataError(f"{out} holds landings of another {', '.join(differ)}; give another folder")
-        text = read_text(path) if path.exists() else ""
-        whole = _whole_rows(text) or ",".join(COLUMNS) + "\n"
         rows = Rows(path, _landings(path, whole))
         if whole != text:
             write_atomically(path, whole.encode())
@@ -243,6 +244,8 @@ def _landings(path: Path, text: str) -> dict[int, Landing]:
         try:
             if (row := next(rows, None)) is None:
                 return done
+            if None in row or None in row.values():
+                raise ValueError("more or fewer values than columns")
             done[int(row["seed"])] = landing_from(renamed(row))
         except (csv.Error, KeyError, TypeError, ValueError):
             line = max(rows.line_num, 1)

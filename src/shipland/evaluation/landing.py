@@ -435,8 +435,10 @@ def column_of(name: str, values: Sequence[Any]) -> npt.NDArray[Any]:
     missing = "" in values
     if kind == "bool":
         return np.array([None if value == "" else value for value in values], dtype=object if missing else bool)
-    numbers = [NAN if value == "" else float(value) for value in values]
-    return np.array(numbers, dtype=int if kind == "int" and not missing else float)
+    if kind == "int" and not missing:
+        whole = [value if isinstance(value, int) else int(float(value)) for value in values]
+        return np.array(whole, dtype=None if whole else int)  # a seed may be larger than 64 bits hold
+    return np.array([NAN if value == "" else float(value) for value in values])
 
 
 def _kind_of(values: Sequence[Any]) -> str:

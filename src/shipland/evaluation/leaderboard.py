@@ -23,9 +23,12 @@ from shipland.rig import Rig, area_of
 from shipland.statistics import Pairing, quantile_interval
 
 
-def rules(rig: Rig) -> dict[str, Callable[[Landing], bool]]:
-    """By name; a comparison with NaN is false, so a flight without contact is no landing by any rule."""
-    deck_m, area = rig.deck_size_m, f"{rig.landing_square_m:g} m {rig.landing_area}"
+def rules(rig: Rig, area: str = "") -> dict[str, Callable[[Landing], bool]]:
+    """By name, which calls the rig's landing area by its size unless as `area`.
+
+    A comparison with NaN is false, so a flight without contact is no landing by any rule.
+    """
+    deck_m, area = rig.deck_size_m, area or f"{rig.landing_square_m:g} m {rig.landing_area}"
 
     def within(landing: Landing, side_m: float) -> bool:
         return max(abs(landing.forward_m), abs(landing.starboard_m)) <= 0.5 * side_m
@@ -176,10 +179,11 @@ def pairings_table(found: Pairings) -> str:
 def rivals(cells: Sequence[CellResult]) -> str:
     """Markdown: how many of each cell's flights every published rule counts."""
     texts, rows = ("scenario and settings", "pilot"), []
+    area = "" if len({(cell.rig.landing_square_m, cell.rig.landing_area) for cell in cells}) == 1 else "landing area"
     for cell in cells:
         counts = [sum(map(rule, cell.landings)) for rule in rules(cell.rig).values()]
         rows.append([cell.group, cell.pilot, len(cell.landings), *counts])
-    return markdown([*texts, "flights", *rules(cells[0].rig)], rows, left=texts)
+    return markdown([*texts, "flights", *rules(cells[0].rig, area)], rows, left=texts)
 
 
 def oracle_rates_of(cells: Sequence[CellResult], motions: int, cache: Path | None = None) -> dict[str, OracleRate]:

@@ -96,7 +96,7 @@ def load_suite(source: str | Path) -> Suite:
     return build(Suite, {"name": Path(source).stem} | table, "suite")
 
 
-_OF_THE_FLIER = ("description", "vision", "detector", "selector", "guidance", "safety")
+OF_THE_FLIER = ("description", "vision", "detector", "selector", "guidance", "safety")
 """Sections of a scenario that say how it is seen and flown: what a suite compares, not what it sets."""
 
 
@@ -138,7 +138,7 @@ def task_digest(cells: Sequence[Cell]) -> str:
     """Digest of what every flight of some cells meets: their configurations without those who see and fly."""
     tasks = []
     for cell in cells:
-        task = {key: value for key, value in cell.scenario.table().items() if key not in _OF_THE_FLIER}
+        task = {key: value for key, value in cell.scenario.table().items() if key not in OF_THE_FLIER}
         for section, added in _ADDED.items():
             task[section] = {key: value for key, value in task[section].items() if (key, value) not in added}
         tasks.append(config_digest(as_before(task) | {"by": factories.name_of(cell.vision)}))

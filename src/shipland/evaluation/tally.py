@@ -41,7 +41,7 @@ class Tally(NamedTuple):
 
     def within(self, rate: float) -> bool:
         """As many landed as wanted."""
-        return self.landed >= rate * self.flights
+        return self.share >= rate
 
     def undecided(self, rate: float) -> bool:
         """The interval of the share holds the rate."""

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from shipland.errors import DataError
-from shipland.evaluation.bundle import Bundle
+from shipland.evaluation.bundle import Bundle, cell_of
 from shipland.evaluation.campaign import CellResult, read_about
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.oracle import OracleRate
+from shipland.evaluation.suite import task_digest
 from shipland.evaluation.tables import pair_up
 from shipland.evaluation.tally import Tally
 from shipland.evaluation.verify import read_receipt
@@ -23,20 +24,22 @@ from shipland.report.pages import html_table
 def entries_of(bundles: Sequence[Bundle]) -> list[CellResult]:
     """The cells of all bundles, each flown by `title` or, of a bundle with several pilots, `title: pilot`.
 
-    DataError where they flew different suites, or two have one title.
+    DataError where they flew different suites or, of one name, different scenarios, or two have one title.
     """
     suites = {str(bundle.about["suite"]) for bundle in bundles}
     if len(suites) > 1:
         raise DataError(f"the bundles flew different suites: {', '.join(sorted(suite or 'none' for suite in suites))}")
     if len({bundle.title for bundle in bundles}) < len(bundles):
         raise DataError("two bundles have one title; submit one of them again with another --title")
-    found = []
+    found, met = [], dict[str, str]()
     for bundle in bundles:
         several = len({cell.pilot for cell in bundle.cells}) > 1
         for cell in bundle.cells:
             entry = f"{bundle.title}: {cell.pilot}" if several else bundle.title
-            group = bundle.groups[cell.name]
-            found.append(replace(cell, pilot=entry, group=group, name=f"{group}_{entry}", logs=None))
+            group, digest = bundle.groups[cell.name], task_digest([cell_of(cell)])
+            if met.setdefault(group, digest) != digest:
+                raise DataError(f"{bundle.path}: {group} is another scenario than in the bundles before it")
+            found.append(replace(cell, pilot=entry, group=group, name=f"{group}_{entry}", logs={}))
     return found
 
 

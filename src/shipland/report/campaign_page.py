@@ -14,7 +14,7 @@ import re
 import shlex
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,7 @@ from shipland.evaluation.leaderboard import (
 from shipland.evaluation.oracle import OracleRate
 from shipland.evaluation.tables import quantile
 from shipland.evaluation.tally import Tally
+from shipland.report.landing_plots import pad_of
 from shipland.report.pages import html_of_table, html_table, page, page_file
 from shipland.report.svg import Column, Point, Share, colour_of, point_chart, share_chart
 from shipland.rig import area_of
@@ -62,7 +63,7 @@ class PageFlights:
             for at, cause in enumerate(self._outcomes)
             if self._count[cause]
         )
-        again = " and the command that flies it again" if any(map(_again, self._cells)) else ""
+        again = " and the command that flies it again" if any(cell.logs for cell in self._cells) else ""
         return (
             f'<div id="outcomes" class="only-script">{boxes}<br><span class="dim">Point at a landing to see which it '
             f"is; click it for its files{again}.</span></div>"
@@ -72,15 +73,21 @@ class PageFlights:
         """Links to what there is of a flight, and the command that flies it again."""
         links = (f'<a href="{html.escape(at, quote=True)}">{name}</a> ' for name, at in self._files(cell, landing))
         files = "".join(links)
-        command = html.escape(f"{_again(cell)}{landing.seed}") if _again(cell) else ""
+        again = _again(cell.logs.get(landing.seed))
+        command = html.escape(f"{again}{landing.seed}") if again else ""
         return f"{files or 'no log '}<code>{command}</code>"
 
     def data_and_script(self) -> str:
         """What the script reads, and the script."""
-        told = [{"name": it.name, "pilot": it.pilot, "version": it.version, "again": _again(it)} for it in self._cells]
+        told: list[dict[str, str]] = []
+        numbers: dict[tuple[int, str], int] = {}  # a cell that several folders hold is told once for each
         rows: list[list[Any]] = []
-        for number, cell in enumerate(self._cells):
+        for at, cell in enumerate(self._cells):
             for it in cell.landings:
+                again = _again(cell.logs.get(it.seed))
+                number = numbers.setdefault((at, again), len(told))
+                if number == len(told):
+                    told.append({"name": cell.name, "pilot": cell.pilot, "version": cell.version, "again": again})
                 figures = (it.error_m, it.sink_mps, it.tilt_deg, it.time_s)
                 known = [round(value, 3) if math.isfinite(value) else None for value in figures]
                 reason = "" if it.success else it.reason
@@ -95,13 +102,14 @@ class PageFlights:
     def _files(self, cell: CellResult, landing: Landing) -> list[tuple[str, str]]:
         """Name and path of the log and the film of a flight, where they lie."""
         paths = {"log": f"{landing.seed}.mcap", "film": f"{landing.seed}/flight.mp4"}
-        there = {name: cell.logs / path for name, path in paths.items() if cell.logs and (cell.logs / path).is_file()}
+        logs = cell.logs.get(landing.seed)
+        there = {name: logs / path for name, path in paths.items() if logs and (logs / path).is_file()}
         return [(name, Path(os.path.relpath(path, self._folder)).as_posix()) for name, path in there.items()]
 
 
-def _again(cell: CellResult) -> str:
-    """What flies a seed of it again, before that number; empty where it lies in no folder."""
-    return "" if cell.logs is None else f"shipland again {shlex.quote(cell.logs.parent.as_posix())} --video --seed "
+def _again(logs: Path | None) -> str:
+    """What flies a seed of a cell again, before that number; empty where it lies in no folder."""
+    return "" if logs is None else f"shipland again {shlex.quote(logs.parent.as_posix())} --video --seed "
 
 
 _MOST_LISTED = 300
@@ -259,17 +267,18 @@ def _bin(low: float, high: float) -> str:
 
 
 def _touchdowns(flown: PageFlights, pilots: Sequence[str]) -> Iterator[str]:
-    rig = flown.flights[0][0].rig
-    touched = [(at, pilots.index(cell.pilot), it) for at, (cell, it) in enumerate(flown.flights) if it.touched]
+    touched = [(at, cell, it) for at, (cell, it) in enumerate(flown.flights) if it.touched]
 
     def points(place: Callable[[Landing], tuple[float, float]]) -> list[Point]:
-        return [Point(at, series, it.success, *place(it)) for at, series, it in touched]
+        return [Point(at, pilots.index(cell.pilot), it.success, *place(it)) for at, cell, it in touched]
 
-    half_m = math.ceil(6.5 * rig.deck_size_m) / 10.0
-    outlines = ((rig.landing_area, rig.landing_square_m), ("square", rig.deck_size_m))
+    pads = dict.fromkeys(pad_of(cell.rig) for cell, _ in flown.flights)
     contacts = points(lambda it: (it.starboard_m, it.forward_m))
-    for series, pilot in enumerate(pilots):
-        mine, title = [it for it in contacts if it.series == series], f"{pilot}: first contact"
+    for (area, size_m, deck_m), pilot in product(pads, pilots):
+        there = {at for at, cell, _ in touched if pad_of(cell.rig) == (area, size_m, deck_m) and cell.pilot == pilot}
+        title = f"{pilot}: first contact" + f", {size_m:g} m {area}" * (len(pads) > 1)
+        half_m, outlines = math.ceil(6.5 * deck_m) / 10.0, ((area, size_m), ("square", deck_m))
+        mine = [it for it in contacts if it.flight in there]
         yield point_chart(mine, title, ("starboard [m]", "forward [m]"), (half_m, half_m), outlines)
     attitudes = points(lambda it: (it.deck_roll_deg, it.deck_pitch_deg))
     yield point_chart(attitudes, "The deck's attitude at contact", ("roll [°]", "pitch [°]"), (15.0, 8.0))

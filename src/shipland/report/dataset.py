@@ -105,7 +105,7 @@ def write_dataset(
     if cells:
         if not any(cell.landings for cell in cells):
             raise DataError(f"{folder} holds no flights yet")
-        kept = [(cell.name, it.seed, cell.logs) for cell in cells for it in cell.landings if cell.logs is not None]
+        kept = [(cell.name, it.seed, cell.logs[it.seed]) for cell in cells for it in cell.landings]
         paths = {f"{name}/{seed}": at / f"{seed}.mcap" for name, seed, at in kept}
         logs = {name: path for name, path in paths.items() if path.is_file()}
     if (lerobot or pictures) and not logs:

@@ -19,7 +19,7 @@ from shipland.evaluation.tally import Tally
 from shipland.extras import installed
 from shipland.factories import name_of
 from shipland.figures import drawn, styled
-from shipland.files import writing
+from shipland.files import write_atomically, writing
 from shipland.frames import Array
 from shipland.report.palette import BLUE, GREEN, VERMILION, unit
 from shipland.report.plots import DPI, draw_pad
@@ -103,14 +103,20 @@ def draw_touchdowns(axes: Axes, touchdowns: Sequence[Touchdown], rig: Rig, title
     axes.set_title("\n".join(lines), fontweight="normal")
 
 
+def pad_of(rig: Rig) -> tuple[str, float, float]:
+    """What touchdowns are drawn on: the landing area's kind and size [m], and the deck's size [m]."""
+    return rig.landing_area, rig.landing_square_m, rig.deck_size_m
+
+
 def plot_cells(cells: Sequence[CellResult]) -> Figure:
-    """Where each pilot's landings touched, on the first cell's rig, and each cell's share with its interval."""
+    """Where each pilot's landings touched, a picture a pad, and each cell's share with its interval."""
     pilots = list(dict.fromkeys(cell.pilot for cell in cells))
-    with styled((5.2 * (len(pilots) + 1), max(5.4, 2.0 + 0.32 * len(cells)))) as figure:
-        *pads, shares = figure.subplots(1, len(pilots) + 1)
-        for pilot, axes in zip(pilots, pads, strict=True):
-            landings = [landing for cell in cells if cell.pilot == pilot for landing in cell.landings]
-            draw_touchdowns(axes, touchdowns_of(landings), cells[0].rig, pilot)
+    parts = {(cell.pilot, pad_of(cell.rig)): cell.rig for cell in cells}
+    with styled((5.2 * (len(parts) + 1), max(5.4, 2.0 + 0.32 * len(cells)))) as figure:
+        *pads, shares = figure.subplots(1, len(parts) + 1)
+        for ((pilot, pad), rig), axes in zip(parts.items(), pads, strict=True):
+            there = (cell for cell in cells if (cell.pilot, pad_of(cell.rig)) == (pilot, pad))
+            draw_touchdowns(axes, touchdowns_of([it for cell in there for it in cell.landings]), rig, pilot)
         for row, cell in enumerate(cells):
             tally = Tally.of(cell.landings)
             colour = unit(SERIES[pilots.index(cell.pilot) % len(SERIES)])
@@ -165,7 +171,7 @@ def write_campaign(folder: Path, cell: Cell, landings: Sequence[Landing]) -> Non
     tables = [landings_table(landings, rig.landing_area), causes_table(landings), modes_table(landings)]
     tables.append(rules_table(landings, rig))
     with writing(folder / "table.md"):
-        (folder / "table.md").write_text("\n\n".join(filter(None, tables)) + "\n", encoding="utf-8")
+        write_atomically(folder / "table.md", ("\n\n".join(filter(None, tables)) + "\n").encode())
     if not installed("plots"):
         return
     touchdowns = touchdowns_of(landings)

@@ -24,8 +24,9 @@ MEANINGS = {
     "picture": "its file in pictures.zip",
     "flight": "the log that it is of",
     "t_s": "exposure time, from the start of the flight",
-    "focal_px": "focal length of the picture's camera, which has no distortion",
+    "focal_px": "focal length of the picture's camera",
     "centre_": "its principal point; pixel centres at whole numbers",
+    "distortion_": "its distortion coefficient, in OpenCV's order; of a camera without distortion none",
     "camera_in_bar_": "the camera's optical centre in frame bar, true: forward, right, down",
     "bar_from_camera_": "turn of the camera, axes right, down, forward, into bar, true: unit quaternion",
     "camera_in_deck_": "the same place in frame deck, which has all motions: forward, starboard, down",
@@ -71,6 +72,7 @@ def _posed(record: FlightRecord, camera: Camera, rig: Rig) -> dict[str, float]:
         "focal_px": camera.focal_px,
         "centre_column_px": camera.matrix[0, 2],
         "centre_row_px": camera.matrix[1, 2],
+        **{f"distortion_{number}": value for number, value in enumerate(camera.distortion, 1) if camera.has_distortion},
         **_named("gimbal", _ANGLES, (gimbal.roll_rad, gimbal.pitch_rad, gimbal.yaw_rad)),
     }
     if truth is not None:
