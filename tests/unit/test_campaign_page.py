@@ -147,6 +147,17 @@ def test_charts_hold_what_was_flown(page):
     assert shares == ["39"]
 
 
+def test_no_deck_heaves_too_fast_for_the_charts(tmp_path):
+    cell = made_up(tmp_path)[0]
+    both = [replace(cell.landings[0], seed=seed, deck_sink_mps=-rate) for seed, rate in ((1, 0.5), (2, 2.0))]
+    text = campaign_page([replace(cell, landings=tuple(both))], ABOUT, {}, tmp_path)
+    chart = re.findall(r'data-points="(.*?)"', text)[-1]
+    (_, slow), (_, fast) = re.findall(r"(\d+) ([\d.]+) [\d.]+ \d \d", chart)
+    middle, edge = 50.0 + 150.0, 50.0 + 300.0
+    assert float(fast) == edge
+    assert float(slow) - middle == pytest.approx(0.25 * (edge - middle))
+
+
 def test_no_flight_is_too_windy_or_too_fast_for_the_charts(tmp_path):
     cell = made_up(tmp_path)[0]
     given = {"wind_mps": (2.0, 30.0), "ship_mps": (2.0, 7.7), "waves_from_deg": (20.0, 300.0), "video_s": (0.1, 1.5)}
