@@ -281,7 +281,9 @@ def _touchdowns(flown: PageFlights, pilots: Sequence[str]) -> Iterator[str]:
         mine = [it for it in contacts if it.flight in there]
         yield point_chart(mine, title, ("starboard [m]", "forward [m]"), (half_m, half_m), outlines)
     attitudes = points(lambda it: (it.deck_roll_deg, it.deck_pitch_deg))
-    yield point_chart(attitudes, "The deck's attitude at contact", ("roll [°]", "pitch [°]"), _reach(attitudes, 15.0, 8.0))
+    yield point_chart(
+        attitudes, "The deck's attitude at contact", ("roll [°]", "pitch [°]"), _reach(attitudes, 15.0, 8.0)
+    )
     sinks = points(lambda it: (-it.deck_sink_mps, it.sink_mps))
     names = ("deck's heave rate, up [m/s]", "sink [m/s]")
     yield point_chart(sinks, "Sink against the deck at contact", names, _reach(sinks, 1.0, 2.0), low=0.0)
