@@ -18,7 +18,7 @@ from shipland.evaluation.suite import Overrides, SuiteEntry
 from studies.harness import PARTS, Case, Column, Row, Study
 
 WINDS_KN: dict[str, tuple[float, ...]] = {
-    "rig-natops": (4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 28.0),
+    "rig-natops": (3.0, 6.0, 9.0, 12.0, 15.0, 18.0, 21.0, 24.0, 27.0),
     "frigate-sea5": (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0),
 }
 DIRECTIONS_DEG = tuple(range(0, 360, 30))
