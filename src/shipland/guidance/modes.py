@@ -28,7 +28,7 @@ class Situation(NamedTuple):
         near_ship: the last known distance to the bar is inside the go-around radius.
         clear: after a go-around, height and distance allow another try.
         flying: the vehicle's own word.
-        overruled: the safety flies away from the ship instead of what the pilot commanded.
+        overruled: the safety, or a person, flies away from the ship or holds instead of what the pilot commanded.
         at_once: a landing begins with its condition, and the pilot does not break it off: the published rule.
     """
 
@@ -112,7 +112,7 @@ def _wanted(situation: Situation, memory: ModeMemory, parameters: ModeParameters
     if mode is Mode.LAND and not situation.committed and now_s - memory.waved_off_s <= WAVE_OFF_S:
         return Mode.GO_AROUND, "waved off by the ship's red light"
     if mode is Mode.LAND and situation.overruled:
-        return Mode.GO_AROUND, "the safety has broken the landing off"
+        return Mode.GO_AROUND, "the landing was overruled"
     if mode is Mode.LAND and situation.abort_reason and not situation.committed:
         return Mode.GO_AROUND, situation.abort_reason
     if mode is Mode.LAND:
@@ -160,8 +160,11 @@ def _wanted_source(situation: Situation, memory: ModeMemory, parameters: ModePar
 
 
 def overruled(sent: PilotCommand | None, mode: Mode) -> bool:
-    """Whether the command that left the safety flies away from the ship although the pilot's mode does not."""
-    return sent is not None and sent.intent is Intent.GO_AROUND and mode is not Mode.GO_AROUND
+    """Whether what left the safety flies away from the ship, or holds, by a person's key too, and the mode does not.
+
+    A hold ends a landing: what it was begun on, a final descent above all, is not so any more when the hold is lifted.
+    """
+    return sent is not None and sent.intent in (Intent.GO_AROUND, Intent.HOLD) and mode is not Mode.GO_AROUND
 
 
 def may_retry(climbing_s: float, clear: bool, approach: ApproachParameters) -> bool:

@@ -57,6 +57,9 @@ _CONTRADICTED_S = 2.0
 """Contradictions of bar and gimbal are remembered for so long."""
 _LEAST_BOX_PX = 1e-3
 """A smaller box tells no range that a float holds."""
+POSED_S, _POSED_WITHIN_DECKS = 15.0, 8.0
+"""So long after a pose the distance to the bar is known, on a ship under way too; within so many sizes of the deck no
+box makes it larger then."""
 _STEEPEST_RAD = 1.2
 """A steeper tilt is none that is flown."""
 _ROWS = 4096
@@ -224,6 +227,7 @@ class SafetyEstimator:
         """Rows of time, north, east by the vehicle's own velocity; and of exposure, place in the bar, its heading."""
         self._contradicted_s: tuple[float, ...] = ()
         self._way_scale = WayScale(rig.deck_size_m)
+        self._posed_within_m = _POSED_WITHIN_DECKS * rig.deck_size_m
 
     def updated(self, observation: Observation, telemetry: Telemetry) -> SafetyEstimate:
         """The estimate after a cycle; what is None or not finite changes nothing."""
@@ -262,6 +266,10 @@ class SafetyEstimator:
         range_m, heading_rad = self._view.range_m(box.area_px2, side_m), float(self._records["heading_rad"][0])
         direction_rad = heading_rad + self._view.bearing_rad(box.centre_px[0], observation.gimbal.yaw_rad)
         self._records["seen_s"] = observation.t_s
+        known_m = math.hypot(*self._records["bar_from_aircraft_m"][0].tolist())
+        posed = observation.t_s - float(self._records["pose_s"][0]) < POSED_S
+        if posed and known_m < min(range_m, self._posed_within_m):
+            return  # something else, which only looks like it: near by its poses, the bar is near
         self._records["bar_from_aircraft_m"] = range_m * math.cos(direction_rad), range_m * math.sin(direction_rad)
 
     def _read(self) -> SafetyEstimate:

@@ -32,6 +32,8 @@ _OLD_GIMBAL_S = 0.2
 """A camera's attitude read longer than this before or after the exposure is not that of the picture: a gimbal follows
 its command, and a body swings, by several degrees in that time, and 10° move the height by 0.7 m at 4 m. The slowest
 that is flown tells it five times a second."""
+_OLDEST_S = 3600.0
+"""An older time stamp is none that a flight has given."""
 _HIGHEST_M, _FASTEST_MPS, _WIDEST_RAD = 10_000.0, 100.0, 4.0 * math.pi
 _STEEPEST_RAD = 0.6 * math.pi
 
@@ -176,10 +178,10 @@ class InputGate(NamedTuple):
             velocity_in_level_mps=None if "velocity" in refused else telemetry.velocity_in_level_mps,
             battery_percent=None if "battery" in refused else telemetry.battery_percent,
             link_percent=None if "link" in refused else telemetry.link_percent,
-            attitude_t_s=telemetry.attitude_t_s if attitude else None,
-            heading_t_s=telemetry.heading_t_s if heading else None,
-            height_t_s=telemetry.height_t_s if height else None,
-            velocity_t_s=telemetry.velocity_t_s if velocity else None,
+            attitude_t_s=_past(telemetry.attitude_t_s, now_s),
+            heading_t_s=_past(telemetry.heading_t_s, now_s),
+            height_t_s=_past(telemetry.height_t_s, now_s),
+            velocity_t_s=_past(telemetry.velocity_t_s, now_s),
         )
         return admitted, f"telemetry refused: {', '.join(refused)}" if refused else ""
 
@@ -213,6 +215,11 @@ def _earlier(telemetry: Telemetry, leapt_s: float) -> Telemetry:
 
 def _timely(t_s: float | None, now_s: float) -> bool:
     return t_s is None or (math.isfinite(t_s) and -_AHEAD_S <= now_s - t_s <= _LEAP_S)
+
+
+def _past(t_s: float | None, now_s: float) -> float | None:
+    """A time stamp that may stand, without its value too where that is too old: it says that one was given once."""
+    return t_s if t_s is not None and -_AHEAD_S <= now_s - t_s <= _OLDEST_S else None
 
 
 def _plausible_gimbal(gimbal: GimbalAttitude) -> bool:

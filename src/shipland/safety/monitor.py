@@ -18,7 +18,7 @@ from shipland.guidance.modes import WAVE_OFF_S
 from shipland.guidance.response import Response
 from shipland.messages import Intent, PilotCommand, Telemetry
 from shipland.rig import Rig
-from shipland.safety.estimate import Place, SafetyEstimate, Vector, tilt_of
+from shipland.safety.estimate import POSED_S, Place, SafetyEstimate, Vector, tilt_of
 
 
 class Action(enum.IntEnum):
@@ -273,7 +273,7 @@ def blind_near(look: Look) -> Finding | None:
     distance_m, blind_s = look.estimate.bar_distance_m(), look.t_s - look.estimate.pose_s
     if look.command.intent is not Intent.FLY or not distance_m < look.limits.near_m:
         return None
-    known = blind_s < _POSED_S or look.t_s - look.estimate.bar_box_s < look.limits.blind_s
+    known = blind_s < POSED_S or look.t_s - look.estimate.bar_box_s < look.limits.blind_s
     if not (known and look.blind and blind_s < math.inf):
         return None
     return Finding(Action.GO_AROUND, f"no pose for {blind_s:.1f} s, {distance_m:.1f} m from the bar")
@@ -321,12 +321,12 @@ def telemetry_old(look: Look) -> Finding | None:
     """Of what the vehicle gives, something is older than a landing may be flown with."""
     told = look.telemetry
     times_s = (
-        ("attitude", told.roll_rad, told.attitude_t_s),
-        ("velocity", told.velocity_in_level_mps, told.velocity_t_s),
-        ("height", told.height_m, told.height_t_s),
+        ("attitude", told.attitude_t_s),
+        ("velocity", told.velocity_t_s),
+        ("height", told.height_t_s),
     )
-    for name, value, t_s in times_s:
-        if value is not None and t_s is not None and look.t_s - t_s > look.limits.telemetry_s:
+    for name, t_s in times_s:  # a value that is too old to be used is None by now, its time is not
+        if t_s is not None and look.t_s - t_s > look.limits.telemetry_s:
             return Finding(Action.NO_GO, f"{name} {look.t_s - t_s:.1f} s old")
     return None
 
@@ -379,8 +379,6 @@ _ROOM_PER_LEAP = 4.0
 """Of room to the bar; nearer, poses that leap are not waited for: whichever of the two places is the true one."""
 _CONTRADICTIONS = 3
 """Of bar and gimbal, within the seconds that the estimate remembers them; without a fault there is none."""
-_POSED_S = 15.0
-"""So long after a pose the distance to the bar is known, on a ship under way too. A box of the bar tells it too."""
 _LEE = 0.5
 """Of the wind, what still blows close behind the superstructure."""
 _BRAKE_SHARE, _LEAST_BRAKE_MPS2 = 0.8, 0.3

@@ -227,6 +227,7 @@ class Keys:
         with ignored((signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)), ExitStack() as stack:
             with suppress(OSError, termios.error):  # it has gone
                 before = termios.tcgetattr(terminal)
+                termios.tcflush(terminal, termios.TCIFLUSH)  # what was typed before the flight is no key of it
                 tty.setcbreak(terminal, termios.TCSANOW)
                 self._terminal = terminal
                 stack.callback(_restore, terminal, before)

@@ -36,6 +36,7 @@ class Orders:
     Attributes:
         own: our system and component id.
         vehicle: system id.
+        autopilot: MAV_AUTOPILOT: another program may speak as component 1.
         key: for signing, in hexadecimal digits; empty for none.
         setpoint_hz: holds a second.
         gap_s: without a set-point for so long we hold.
@@ -49,6 +50,7 @@ class Orders:
 
     own: tuple[int, int]
     vehicle: int
+    autopilot: int
     key: str
     setpoint_hz: float
     gap_s: float
@@ -128,7 +130,7 @@ class Guard:
                 continue
             if message.get_type() == "TIMESYNC" and message.tc1 > 0 and 1e-9 * message.ts1 <= now_s:
                 self._answered_s = max(self._answered_s, 1e-9 * message.ts1)
-            if message.get_type() != "HEARTBEAT" or message.autopilot == dialect.MAV_AUTOPILOT_INVALID:
+            if message.get_type() != "HEARTBEAT" or message.autopilot != self._orders.autopilot:
                 continue
             armed = message.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED
             self._heard_s = self._heard_s if waited else now_s

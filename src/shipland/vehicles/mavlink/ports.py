@@ -122,7 +122,7 @@ class SerialPort(_EndPort):
         import serial
 
         try:
-            self._end = serial.Serial(device, baud, timeout=0, write_timeout=_SEND_S)
+            self._end = serial.Serial(device, baud, timeout=0, write_timeout=_SEND_S, exclusive=True)
         except (OSError, ValueError) as error:
             raise VehicleError(f"serial port {device} cannot be opened: {error}") from None
         self._sender = (device, baud)

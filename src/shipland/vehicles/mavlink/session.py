@@ -253,6 +253,7 @@ class Session:
         return Orders(
             own=self.link.own,
             vehicle=vehicle,
+            autopilot=self.state.autopilot,
             key="" if self._key is None else self._key.hex(),
             setpoint_hz=setpoint_hz,
             gap_s=gap_s,

@@ -22,8 +22,11 @@ _NONE_U8, _NONE_U16 = 255, 65535
 _FORWARD = (
     dialect.MAV_VTOL_STATE_TRANSITION_TO_FW, dialect.MAV_VTOL_STATE_TRANSITION_TO_MC, dialect.MAV_VTOL_STATE_FW,
 )  # fmt: skip
+_FLOWN = (dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, dialect.MAV_AUTOPILOT_PX4)
 _REBOOT_S = 1.0
 """The autopilot's clock went back by so much: it has restarted."""
+_ODD = 3
+"""Messages within a while by which a clock has restarted, or two vehicles have one id; one alone came astray."""
 _WINDOW_S = 1.0
 """Window in which the clocks' difference counts as constant; short, as a simulated vehicle's clock may run slow."""
 _LONGEST_TRIP_S = 2.0
@@ -61,6 +64,8 @@ class Clock:
         offset_s: our clock minus it and the quickest message's travel time, of the last while.
         next_offset_s, window_s: the same of the while that has begun, and when that was.
         restarts: how often it restarted.
+        odd, odd_s: how many messages of late it seems to have gone back by, as those of another vehicle with the same
+            id; and when the newest came.
     """
 
     boot_s: float = math.nan
@@ -68,19 +73,25 @@ class Clock:
     next_offset_s: float = math.inf
     window_s: float = -math.inf
     restarts: int = 0
+    odd: int = 0
+    odd_s: float = -math.inf
 
     def at(self, boot_ms: int, received_s: float) -> tuple[Clock, float]:
         """The clock moved on, and when a message was sent, on ours, but for the quickest one's travel time."""
         boot_s, known = 1e-3 * boot_ms, self
-        if boot_s < self.boot_s - _REBOOT_S:
-            known = Clock(boot_s, restarts=self.restarts + 1)
         offset_s = received_s - boot_s
+        if boot_s < self.boot_s - _REBOOT_S:
+            odd = self.odd + 1 if received_s - self.odd_s < _WINDOW_S else 1
+            if odd < _ODD:
+                return replace(self, odd=odd, odd_s=received_s), received_s
+            known = Clock(boot_s, restarts=self.restarts + 1)
         known_s, next_s, window_s = known.offset_s, known.next_offset_s, known.window_s
         if received_s - window_s > _WINDOW_S:  # the clocks run apart, or a simulated one falls behind
             known_s, next_s, window_s = min(next_s, offset_s), math.inf, received_s
         known_s, next_s = min(known_s, offset_s), min(next_s, offset_s)
         newest_s = boot_s if not known.boot_s > boot_s else known.boot_s
-        return Clock(newest_s, known_s, next_s, window_s, known.restarts), boot_s + known_s
+        clock = Clock(newest_s, known_s, next_s, window_s, known.restarts, known.odd, known.odd_s)
+        return clock, boot_s + known_s
 
 
 @dataclass(frozen=True)
@@ -215,7 +226,8 @@ def _alerted(state: AutopilotState, about: str, received_s: float, words: str) -
 
 
 def _heartbeat(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
-    if it.autopilot == dialect.MAV_AUTOPILOT_INVALID:  # another program's, which speaks as component 1
+    foreign = state.autopilot in _FLOWN and it.autopilot != state.autopilot
+    if foreign or it.autopilot == dialect.MAV_AUTOPILOT_INVALID:  # another program's, which speaks as component 1
         return state
     armed = bool(it.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
     state = _alerted(state, "autopilot", received_s, heartbeat_alert(it))
