@@ -771,9 +771,10 @@ def test_on_a_link_that_lags_our_end_takes_no_mode_from_a_person() -> None:
 
 def test_a_heartbeat_of_another_program_as_component_1_is_not_the_autopilots() -> None:
     with opened() as (vehicle, _, _):
-        beat = dialect.MAVLink_heartbeat_message(18, dialect.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
         link = vehicle.session.link
-        link.take(Codec(1, 1).encode(beat), link._peer, time.monotonic())
+        for kind in (dialect.MAV_AUTOPILOT_INVALID, dialect.MAV_AUTOPILOT_GENERIC):
+            beat = dialect.MAVLink_heartbeat_message(18, kind, 0, 0, 4, 3)
+            link.take(Codec(1, 1).encode(beat), link._peer, time.monotonic())
         assert fly(vehicle, 0.5, *FORWARD), vehicle.end_reason
 
 

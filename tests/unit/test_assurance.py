@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -28,7 +29,8 @@ from shipland.safety.assurance import Safety, SafetyParameters
 from shipland.safety.axes import Axes
 from shipland.safety.cue_checks import WayScale
 from shipland.safety.estimate import SafetyEstimate, SafetyEstimator
-from shipland.safety.monitor import Action, Finding, MonitorParameters, stopping_distance_m
+from shipland.safety.input_gate import InputGate
+from shipland.safety.monitor import Action, Finding, MonitorParameters, stopping_distance_m, telemetry_old
 from shipland.safety.recovery import REFUSED_S, Recovery, Rung, Switch, next_switch, sticks_of
 
 PARAMETERS = SafetyParameters()
@@ -325,6 +327,13 @@ def test_no_landing_on_a_reading_that_stands_still(part):
     assert f"{part} " in flight.said
     assert " s old" in flight.said
     assert flight.decisions[-1].command.heave_percent > 0.0
+
+
+def test_a_reading_stays_old_when_it_is_too_old_to_be_used():
+    told, refused = InputGate(now_s=110.0).telemetry(replace(Telemetry(110.0), roll_rad=0.0, attitude_t_s=102.0))
+    assert (told.roll_rad, told.attitude_t_s, refused) == (None, 102.0, "telemetry refused: roll")
+    look = SimpleNamespace(telemetry=told, t_s=110.0, limits=MonitorParameters())
+    assert telemetry_old(look).words == "attitude 8.0 s old"
 
 
 def test_what_the_vehicle_complains_of_is_not_landed_with():

@@ -24,6 +24,15 @@ def keyboard(monkeypatch):
             yield keys, typist
 
 
+def test_what_was_typed_before_the_flight_is_no_key_of_it(monkeypatch):
+    master, slave = pty.openpty()
+    with os.fdopen(slave, "r") as stdin, os.fdopen(master, "wb", 0) as typist:
+        monkeypatch.setattr("sys.stdin", stdin)
+        typist.write(b"cd out; exec\n")
+        with Keys().listening() as keys:
+            assert keys.override() is None
+
+
 @pytest.mark.parametrize(
     ("typed", "pressed"),
     [

@@ -3,6 +3,8 @@
 import io
 import itertools
 import math
+import os
+import pty
 import socket
 import sys
 import threading
@@ -565,3 +567,14 @@ def test_a_serial_line_that_is_too_slow_for_set_points_is_refused(baud: int, car
 )
 def test_silence_has_its_advice(counts, advice):
     assert advice in advice_on_silence(counts)
+
+
+def test_a_serial_line_that_flies_is_nobody_elses() -> None:
+    """A second process would take its bytes, or change its baud rate."""
+    pytest.importorskip("serial")
+    near, far = pty.openpty()
+    with os.fdopen(near, "rb"), os.fdopen(far, "rb"):
+        flying = Place.of(f"serial:{os.ttyname(far)}:57600").open()
+        with pytest.raises(VehicleError, match="cannot be opened"):
+            Place.of(f"serial:{os.ttyname(far)}:115200").open()
+        flying.close()

@@ -3,12 +3,13 @@
 import itertools
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipland.guidance.modes import ModeMemory, Situation, next_mode
+from shipland.guidance.modes import ModeMemory, Situation, next_mode, overruled
 from shipland.guidance.parameters import ModeParameters
-from shipland.messages import BarPose, Box, GimbalAttitude, Mode, Observation
+from shipland.messages import BarPose, Box, GimbalAttitude, Intent, Mode, Observation, PilotCommand
 
 PARAMETERS = ModeParameters()
 POSE = BarPose(np.array([-5.0, 0.0, 0.0]), 0.0, np.eye(4), 0.1, np.zeros((8, 2)))
@@ -130,6 +131,14 @@ def test_by_the_published_rule_a_landing_begins_at_once_and_goes_on():
     assert blind.mode is Mode.LAND
     overruled, _ = run(landing, 0.2, 0.1, at_once=True, overruled=True)
     assert overruled.mode is Mode.GO_AROUND
+
+
+@pytest.mark.parametrize("intent", [Intent.HOLD, Intent.GO_AROUND])
+def test_what_left_the_safety_as_no_landing_ends_it(intent):
+    """A person's key too: once it is lifted, the moment that the final descent was begun for has gone."""
+    assert overruled(PilotCommand(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, intent), Mode.LAND)
+    assert not overruled(PilotCommand(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, Intent.LAND), Mode.LAND)
+    assert not overruled(None, Mode.LAND)
 
 
 news = st.tuples(*[st.booleans()] * 8)

@@ -73,6 +73,18 @@ def test_output_is_finite_bounded_and_slewed(cycles):
         last = sticks
 
 
+def test_no_box_makes_a_bar_that_poses_showed_near_a_far_one():
+    estimator = made()._estimator
+
+    def distance_m(t_s, range_m):
+        return estimator.updated(seen(t_s, place=None, ship_box=ship_box(range_m)), telemetry(t_s)).bar_distance_m()
+
+    assert estimator.updated(seen(0.0), telemetry(0.0)).bar_distance_m() < 6.0
+    assert distance_m(0.5, 14.0) < 6.0  # something else that looks like it
+    assert distance_m(1.0, 3.0) == pytest.approx(3.0, abs=0.1)
+    assert distance_m(17.0, 14.0) == pytest.approx(14.0, abs=0.1)  # no pose for so long
+
+
 def test_a_box_of_no_size_tells_no_range():
     box = Box((640.0, 360.0), (1e-200, 1e-200), 0.9)
     out = check(decision(0.0), seen(0.0, None, ship_box=box))

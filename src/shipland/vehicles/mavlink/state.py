@@ -22,7 +22,6 @@ _NONE_U8, _NONE_U16 = 255, 65535
 _FORWARD = (
     dialect.MAV_VTOL_STATE_TRANSITION_TO_FW, dialect.MAV_VTOL_STATE_TRANSITION_TO_MC, dialect.MAV_VTOL_STATE_FW,
 )  # fmt: skip
-_FLOWN = (dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, dialect.MAV_AUTOPILOT_PX4)
 _REBOOT_S = 1.0
 """The autopilot's clock went back by so much: it has restarted."""
 _ODD = 3
@@ -226,7 +225,7 @@ def _alerted(state: AutopilotState, about: str, received_s: float, words: str) -
 
 
 def _heartbeat(state: AutopilotState, it: Message, received_s: float) -> AutopilotState:
-    foreign = state.autopilot in _FLOWN and it.autopilot != state.autopilot
+    foreign = state.autopilot in (ARDUPILOT, PX4) and it.autopilot != state.autopilot
     if foreign or it.autopilot == dialect.MAV_AUTOPILOT_INVALID:  # another program's, which speaks as component 1
         return state
     armed = bool(it.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
