@@ -57,7 +57,7 @@ _CONTRADICTED_S = 2.0
 """Contradictions of bar and gimbal are remembered for so long."""
 _LEAST_BOX_PX = 1e-3
 """A smaller box tells no range that a float holds."""
-POSED_S, _POSED_WITHIN_DECKS = 15.0, 8.0
+POSED_S, _POSED_WITHIN_DECKS = 15.0, 10.0
 """So long after a pose the distance to the bar is known, on a ship under way too; within so many sizes of the deck no
 box makes it larger then."""
 _STEEPEST_RAD = 1.2
