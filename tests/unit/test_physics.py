@@ -5,7 +5,8 @@ import math
 import socket
 import struct
 import threading
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
 import numpy as np
 import pytest
@@ -108,6 +109,15 @@ def test_there_must_be_room_to_climb() -> None:
         LaunchHold(load_scenario("rig-natops"), 1, 3.0)
 
 
+@contextmanager
+def flight_controller(port: int) -> Iterator[socket.socket]:
+    """The end of one, connected to the physics."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot:
+        autopilot.settimeout(5.0)
+        autopilot.connect(("127.0.0.1", port))
+        yield autopilot
+
+
 def test_a_packet_sent_again_gets_its_answer_again_and_no_step() -> None:
     """A flight controller whose answer was lost sends the same count again."""
     port = free_port(socket.SOCK_DGRAM)
@@ -121,9 +131,7 @@ def test_a_packet_sent_again_gets_its_answer_again_and_no_step() -> None:
     served = threading.Thread(target=serve, daemon=True)
     served.start()
     until(lambda: said)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot:
-        autopilot.settimeout(5.0)
-        autopilot.connect(("127.0.0.1", port))
+    with flight_controller(port) as autopilot:
 
         def answer(count: int, motor_us: float) -> bytes:
             autopilot.send(packet(count, [motor_us] * 4))
@@ -155,9 +163,7 @@ def test_a_flight_controller_that_goes_after_the_touchdown_leaves_the_verdict() 
     served = threading.Thread(target=serve, daemon=True)
     served.start()
     until(lambda: said)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot:
-        autopilot.settimeout(5.0)
-        autopilot.connect(("127.0.0.1", port))
+    with flight_controller(port) as autopilot:
         for count in range(6000):
             autopilot.send(packet(count, [1000.0 if count else 1950.0] * 4))
             autopilot.recv(4096)

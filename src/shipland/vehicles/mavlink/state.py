@@ -25,7 +25,7 @@ _FORWARD = (
 _REBOOT_S = 1.0
 """The autopilot's clock went back by so much: it has restarted."""
 _ODD = 3
-"""Messages within a while by which a clock has restarted, or two vehicles have one id; one alone came astray."""
+"""Messages by an earlier clock within `_WINDOW_S`: a restart, or two vehicles with one id. One alone may be late."""
 _WINDOW_S = 1.0
 """Window in which the clocks' difference counts as constant; short, as a simulated vehicle's clock may run slow."""
 _LONGEST_TRIP_S = 2.0
