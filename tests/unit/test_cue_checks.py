@@ -1,4 +1,4 @@
-"""The cue's height by barometer: first poses on its mirror image are refused, and no others."""
+"""The cue's height by barometer: poses of its mirror image are refused, and no others."""
 
 import math
 from dataclasses import replace
@@ -84,13 +84,31 @@ def test_what_stays_low_is_believed_in_the_end():
     assert sum(refused) * STEP_S == pytest.approx(PARAMETERS.patience_s, abs=0.1)
 
 
+def test_glimpses_of_the_mirror_image_are_refused_one_by_one():
+    flight = Flight(over_takeoff_m=1.65)
+    for _ in range(4):
+        assert "1.5 m too low" in flight.sees(3.0, 1.65 - DROP_M, step_s=20.0)
+        assert "1.5 m too low" in flight.sees(3.0, 1.65 - DROP_M)
+    assert flight.sees(3.0, 1.65) == ""
+
+
+@pytest.mark.parametrize("gap_s", [STEP_S, 0.5])
+def test_poses_that_follow_one_another_do_not_leap_to_the_mirror_image(gap_s):
+    flight = Flight()
+    assert flight.sees(3.0, 1.65) == ""
+    assert "1.5 m too low" in flight.sees(3.0, 1.65 - DROP_M, step_s=gap_s)
+    assert "1.5 m too low" in flight.sees(3.0, 1.65 - DROP_M)
+    assert flight.sees(3.0, 1.65) == ""
+
+
 @pytest.mark.parametrize("watched", [True, False])
-def test_poses_that_follow_one_another_are_not_its_business_while_a_pilot_watches(watched):
+def test_a_barometer_that_leaps_costs_no_pose_that_follows_others_while_a_pilot_watches(watched):
     flight = Flight(over_takeoff_m=1.65)
     assert flight.sees(3.0, 1.65) == ""
     if not watched:
         flight.state = flight.state.unwatched()
-    assert ("1.5 m too low" in flight.sees(3.0, 1.65 - DROP_M)) is not watched
+    pose_as_before = flight.sees(3.0 - DROP_M, 1.65 - DROP_M)
+    assert ("1.5 m too low" in pose_as_before) is not watched
 
 
 def test_without_a_barometer_nothing_is_refused():

@@ -60,7 +60,7 @@ class SafetyParameters:
     contact_sight_s: float = key(
         1.0, "a sight of the bar or the deck that is older does not show contact height", ge=0.1, le=5
     )
-    cue_height: CueHeightParameters = key(CueHeightParameters(), "which first poses hang too low")
+    cue_height: CueHeightParameters = key(CueHeightParameters(), "which poses hang too low")
     monitor: MonitorParameters = key(MonitorParameters(), "what is looked for")
     recovery: RecoveryParameters = key(RecoveryParameters(), "what is done about it")
 

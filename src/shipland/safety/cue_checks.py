@@ -3,7 +3,8 @@
 Height: in a wet deck, or in water, a cue that is alike both ways up is its own reflection, to the last pixel that of
 a cue which hangs lower. No picture tells the two apart; the height of the aircraft does. A pose says how far the
 camera is above or below the cue, the barometer how far above the take-off point: together they say where the cue
-hangs, whatever the aircraft does. Poses that follow one another are the vision's to guard (`track_climb_mps`).
+hangs, whatever the aircraft does. Poses that follow one another without a leap are not asked: it is the barometer
+then that leaps.
 
 Size: a cue that is not as large as stated, or a focal length that is not the camera's, makes the bar nearer or
 farther by a share, which no picture shows. Own way and poses together do: of a ship without way, the distance to the
@@ -38,7 +39,7 @@ class CueHeightParameters:
 
     gap_s: float = key(1.0, "a pose is a first one after none for longer", "as vision.track_s", ge=0.05, le=30)
     patience_s: float = key(
-        5.0, "first poses that hang too low for so long are believed: rather has the barometer leapt", ge=0, le=120
+        30.0, "poses that hang too low for so long are believed: rather has the barometer leapt", ge=0, le=120
     )
     share: float = key(
         0.01, "of a pose's height in the remembered one", "chosen: 3 s, about a period of the swell", gt=0, le=1
@@ -56,7 +57,9 @@ class CueHeight(NamedTuple):
         least_drop_m: how far below the cue its nearest mirror image hangs; 0 for a cue that has an up.
         height_m: height of the cue over the take-off point; None while nothing has told it.
         pose_s: exposure of the last pose that was believed.
-        refused_since_s: exposure since which first poses have been refused; None for none.
+        down_m: of the camera below the cue by that pose.
+        refused_at_s: exposure of the last one since that was refused; None for none.
+        refused_s: for how long poses have been refused since; where none came, `gap_s` at most counts.
         heights: newest readings of the barometer, (time [s], height over the take-off point [m]).
     """
 
@@ -64,7 +67,9 @@ class CueHeight(NamedTuple):
     least_drop_m: float
     height_m: float | None = None
     pose_s: float = -math.inf
-    refused_since_s: float | None = None
+    down_m: float = 0.0
+    refused_at_s: float | None = None
+    refused_s: float = 0.0
     heights: tuple[tuple[float, float], ...] = ()
 
     @staticmethod
@@ -87,26 +92,27 @@ class CueHeight(NamedTuple):
         return self._replace(pose_s=-math.inf)
 
     def checked(self, observation: Observation) -> tuple[CueHeight, Observation]:
-        """The observation without a first pose that hangs as low as a mirror image."""
+        """The observation without a pose, a first one or one that leaps, whose cue hangs as low as a mirror image."""
         pose, t_s = observation.bar_pose, observation.t_s
         if pose is None or self.least_drop_m == 0.0:
             return self, observation
-        height_m = self._height_at(t_s)
+        height_m, down_m = self._height_at(t_s), float(pose.position_in_bar_m[2])
         if height_m is None:
-            return self._replace(pose_s=t_s, refused_since_s=None), observation
-        cue_m = height_m + float(pose.position_in_bar_m[2])
-        first = not 0.0 <= t_s - self.pose_s <= self.parameters.gap_s
-        if first and self.height_m is not None:
-            refused_since_s = t_s if self.refused_since_s is None else self.refused_since_s
+            return self._replace(pose_s=t_s, down_m=down_m, refused_at_s=None, refused_s=0.0), observation
+        cue_m = height_m + down_m
+        leaps = abs(down_m - self.down_m) > 0.5 * self.least_drop_m
+        follows = 0.0 <= t_s - self.pose_s <= self.parameters.gap_s and not leaps
+        if not follows and self.height_m is not None:
+            since_s = 0.0 if self.refused_at_s is None else max(t_s - self.refused_at_s, 0.0)
+            refused_s = self.refused_s + min(since_s, self.parameters.gap_s)
             unsure_m = min(_SIGMAS * math.sqrt(max(float(pose.covariance[2, 2]), 0.0)), 0.25 * self.least_drop_m)
             low_m = self.height_m - cue_m
-            if low_m > 0.5 * self.least_drop_m + unsure_m and t_s - refused_since_s <= self.parameters.patience_s:
+            if low_m > 0.5 * self.least_drop_m + unsure_m and refused_s <= self.parameters.patience_s:
                 reason = f"pose refused: the cue hangs {low_m:.1f} m too low, as its mirror image does"
-                return self._replace(refused_since_s=refused_since_s), replace(
-                    observation, bar_pose=None, reason=reason
-                )
+                refusing = self._replace(refused_at_s=t_s, refused_s=refused_s)
+                return refusing, replace(observation, bar_pose=None, reason=reason)
         height_m = cue_m if self.height_m is None else self.height_m + self.parameters.share * (cue_m - self.height_m)
-        return CueHeight(self.parameters, self.least_drop_m, height_m, t_s, None, self.heights), observation
+        return CueHeight(self.parameters, self.least_drop_m, height_m, t_s, down_m, heights=self.heights), observation
 
     def _height_at(self, t_s: float) -> float | None:
         """Over the take-off point at an exposure, between readings; None where none is near."""
