@@ -157,6 +157,16 @@ def test_a_title_that_no_table_can_show_leaves_no_bundle(true_bundle, tmp_path):
     assert not (tmp_path / "mine.zip").exists()
 
 
+def test_half_a_last_row_leaves_no_bundle(true_bundle, tmp_path):
+    folder = shutil.copytree(true_bundle / "flown", tmp_path / "flown")
+    for cell in ("rig-natops_paper", "ship-sea6_paper"):
+        table = folder / cell / "landings.csv"
+        table.write_text(table.read_text()[:-20])
+    with pytest.raises(DataError, match="ends within a row; run the campaign again"):
+        write_bundle(folder, tmp_path / "mine.zip", "mine", 1, None)
+    assert not (tmp_path / "mine.zip").exists()
+
+
 FORGERIES = {
     "a file changed": (with_row(2, reason="landed"), False, "landings.csv is not the file that was submitted"),
     "a summary brushed up": (

@@ -182,6 +182,10 @@ def test_figures_of_laws_and_geometry_and_their_tables(tmp_path, capsys):
         lines = said.out.splitlines()
         assert str(tmp_path / f"{name}.png") in lines and str(tmp_path / "table.md") in lines
         assert (tmp_path / f"{name}.png").stat().st_size > 5000
+    table = (tmp_path / "table.md").read_text(encoding="utf-8")
+    assert table.count("\n## ") == 3  # each command adds its own, and a figure made again stands once
+    assert run_paper(tmp_path, "derivative-gain", None) == 0
+    assert (tmp_path / "table.md").read_text(encoding="utf-8") == table
 
 
 def test_the_published_chain_step_by_step(rng, tmp_path):

@@ -93,6 +93,7 @@ def write_bundle(folder: Path, out: Path, title: str, logs: int, salt: Path | No
     for cell in cells:
         if not cell.landings:
             raise DataError(f"{cell.name} has no flights yet; run the campaign again to resume")
+        _check_rows(cell, folder)
     key = cells[0].key
     for word in _BOUND:
         if any(cell.key[word] != key[word] for cell in cells):
@@ -238,7 +239,10 @@ def _module_of(name: str) -> str:
 
 def _check_rows(cell: CellResult, folder: Path) -> None:
     """landings.csv is, to the letter, what its landings are written as, each seed once."""
-    table = rows_in(read_text(folder / cell.name / "landings.csv"))
+    text = read_text(folder / cell.name / "landings.csv")
+    if not text.endswith("\n"):
+        raise DataError(f"{cell.name}: its landings.csv ends within a row; run the campaign again to resume")
+    table = rows_in(text)
     if table.fieldnames != COLUMNS:
         raise DataError(f"{cell.name}: the columns of its landings.csv are not this version's")
     rows = list(table)

@@ -33,6 +33,8 @@ _KEY_FRAMES = 2
 """A film is read at random: every other picture stands for itself."""
 _EVERY_PICTURE, _EVERY_PIXEL = 10, 8
 """What the pictures' statistics are of."""
+_PICTURES_KEPT = 4
+"""Of each flight, for the statistics of all: a thousand flights with pictures fit in memory."""
 _QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 
 Columns = dict[str, npt.NDArray[Any]]
@@ -101,6 +103,9 @@ def _write_flights(
             path = root / f"videos/{_FILM}/chunk-000/file-{number:03d}.mp4"
             columns[-1][_FILM] = _write_film(path, flight, nearest, fps)
         episodes.append(_episode(flight, number, start, columns[-1], fps))
+        if filmed:
+            every = -(-len(columns[-1][_FILM]) // _PICTURES_KEPT)
+            columns[-1][_FILM] = columns[-1][_FILM][::every].copy()
     _write_tables(root, columns, tasks, episodes)
     whole = {name: np.concatenate([each[name] for each in columns]) for name in columns[0]}
     write_atomically(root / "meta/stats.json", json_bytes({name: _stats(values) for name, values in whole.items()}))

@@ -12,6 +12,7 @@ from typing import get_args
 
 from shipland.evaluation.tables import markdown
 from shipland.extras import require
+from shipland.files import write_atomically
 from shipland.guidance.laws import derivative_gain, exponential_law
 from shipland.guidance.parameters import FarVariant
 from shipland.learning.arguments import at_least
@@ -43,18 +44,25 @@ def run_paper(out: Path, only: FigureName | None, flights: Path | None, runs: in
     names = (only,) if only else [name for name in get_args(FigureName) if name != "touchdowns" or runs]
     figures = dict(_FIGURES)
     figures["touchdowns"] = partial(touchdowns, runs=runs or PUBLISHED_RUNS)
-    texts = []
+    texts = _sections(out / "table.md")
     for number, name in enumerate(names, start=1):
         _progress(f"{number} of {len(names)}: {name} …")
         begun_s, before = time.monotonic(), _written(out)
-        texts.append(f"## {name}\n\n{figures[name](out / f'{name}.png', scenario)}\n")
-        print(texts[-1], flush=True)
+        texts[name] = f"## {name}\n\n{figures[name](out / f'{name}.png', scenario)}\n"
+        print(texts[name], flush=True)
+        ordered = [texts[each] for each in figures if each in texts]
+        write_atomically(out / "table.md", "\n".join(ordered).encode())
         for picture, _ in sorted(_written(out) - before):
             print(picture)
         _progress(f"{number} of {len(names)}: {name}, {time.monotonic() - begun_s:.0f} s")
-    (out / "table.md").write_text("\n".join(texts), encoding="utf-8")
     print(out / "table.md")
     return 0
+
+
+def _sections(path: Path) -> dict[str, str]:
+    """The sections of a table.md, by figure: those that are not made anew stay."""
+    parts = path.read_text(encoding="utf-8").removeprefix("## ").split("\n## ") if path.exists() else []
+    return {part.partition("\n")[0]: f"## {part}" for part in parts}
 
 
 def _written(folder: Path) -> set[tuple[Path, int]]:
