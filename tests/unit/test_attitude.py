@@ -26,15 +26,17 @@ def table(path, rows, names=("t_s", "roll_deg", "pitch_deg")):
 
 
 def as_dataflash(path, name, rows):
-    """ArduPilot's log of `name` messages with TimeUS [µs], Roll and Pitch [°]."""
+    """ArduPilot's log of `name` messages with TimeUS [µs], Roll and Pitch [°], and a mount's number where rows do."""
+    mounts = bool(rows) and len(rows[0]) == 4
 
     def described(kind, length, what, layout, columns):
         return struct.pack("<BBBBB4s16s64s", 0xA3, 0x95, 128, kind, length, what.encode(), layout, columns)
 
     data = described(128, 89, "FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")
-    data += described(1, 3 + 16, name, b"Qff", b"TimeUS,Roll,Pitch")
-    for t_s, roll_deg, pitch_deg in rows:
-        data += struct.pack("<BBBQff", 0xA3, 0x95, 1, round(1e6 * t_s), roll_deg, pitch_deg)
+    kinds, columns = (b"QffB", b"TimeUS,Roll,Pitch,I") if mounts else (b"Qff", b"TimeUS,Roll,Pitch")
+    data += described(1, 3 + 16 + mounts, name, kinds, columns)
+    for t_s, roll_deg, pitch_deg, *mount in rows:
+        data += struct.pack("<BBBQff", 0xA3, 0x95, 1, round(1e6 * t_s), roll_deg, pitch_deg) + bytes(mount)
     path.write_bytes(data)
     return path
 
@@ -97,6 +99,15 @@ def test_every_kind_of_file_gives_the_same(make, start_s, mount_deg, tmp_path):
         assert np.degrees([gimbal.roll_rad, gimbal.pitch_rad]) == pytest.approx(
             [ROLL_DEG, PITCH_DEG + 10.0 * t_s], abs=2e-3
         )
+
+
+def test_of_two_mounts_the_first_is_read(tmp_path):
+    pytest.importorskip("pymavlink")
+    rows = [(t_s, roll_deg, pitch_deg, 0) for t_s, roll_deg, pitch_deg in rows_from(80.0)]
+    rows += [(t_s + 0.05, 30.0, 60.0, 1) for t_s, *_ in rows]
+    track = read_attitude(as_dataflash(tmp_path / "a.bin", "MNT", sorted(rows)), 0.01, 80.0, None)
+    assert len(track.t_s) == 5
+    assert math.degrees(track.at(0.05).pitch_rad) == pytest.approx(PITCH_DEG + 0.5, abs=2e-3)
 
 
 def test_a_camera_fixed_to_the_body_rolls_and_pitches_with_it():

@@ -77,3 +77,11 @@ def test_without_a_deck_there_is_none(scene):
     assert vision.see(Frame(0.0, noise, DOWN)).deck is None
     assert vision.see(Frame(0.0, None, DOWN)).reason == Refusal.NO_PICTURE.value
     assert vision.see(Frame(0.0, noise[:100], DOWN)).reason == Refusal.WRONG_SIZE.value
+
+
+@pytest.mark.parametrize("unknown", [float("nan"), float("inf")])
+def test_without_the_cameras_attitude_there_is_no_deck_and_a_reason(unknown):
+    image = np.zeros((CAMERA.height_px, CAMERA.width_px, 3), np.uint8)
+    for gimbal in (GimbalAttitude(unknown, -1.48), GimbalAttitude(0.0, unknown), GimbalAttitude(0.0, -1.48, unknown)):
+        seen = DeckVision(RIG, CAMERA, PARAMETERS).see(Frame(0.0, image, gimbal))
+        assert seen.deck is None and seen.reason == "the camera's attitude is not known"

@@ -56,6 +56,16 @@ def test_nothing_sure_gives_nothing():
     assert suppress(boxes, scores, kinds, 0.5, merge=True)[0].shape == (0, 4)
 
 
+def test_a_least_confidence_of_one_and_a_box_that_is_no_number_spoil_nothing():
+    maps = empty_maps()
+    cells = maps[0].reshape(3, 6, 8, 8)
+    cells[0, :, 5, 2], cells[1, :, 5, 2] = (np.nan, 0.0, 0.0, 0.0, 9.0, 9.0), (0.4, 0.0, 0.0, 0.0, 6.0, 6.0)
+    boxes, scores, kinds = decode(maps, SPEC, 0.3)
+    np.testing.assert_allclose(boxes, [[8 * (2 + 2 * 0.598688 - 0.5), 44.0, 9.0, 7.0]], rtol=1e-5)
+    assert len(suppress(boxes, scores, kinds, 0.5, merge=True)[0]) == 1
+    assert len(decode(maps, SPEC, 1.0)[0]) == 0
+
+
 box_rows = st.tuples(*[st.floats(5.0, 60.0)] * 2, *[st.floats(1.0, 40.0)] * 2)
 
 
@@ -144,6 +154,17 @@ def test_runtimes_agree_with_torch(weights_file, runtime):
     assert reader.classes == SPEC.classes
     for mine, theirs in zip(reader.network.run(picture), wanted, strict=True):
         np.testing.assert_allclose(mine, theirs[0].numpy(), atol=1e-3 * float(theirs.std()))
+
+
+def test_pictures_of_many_sizes_leave_few_networks_behind(weights_file):
+    pytest.importorskip("openvino")
+    network = load_reader(weights_file, "openvino", "fp32", 1).network
+    for rows in range(1, 14):
+        network.run(np.zeros((32 * rows, 32, 3), np.uint8))
+    assert len(network._requests) == 8
+    network.run(np.zeros((32 * 6, 32, 3), np.uint8))  # the oldest that is left
+    network.run(np.zeros((32, 32, 3), np.uint8))
+    assert (32 * 6, 32, 3, 1.0) in network._requests
 
 
 def test_half_and_int8_files_are_near_the_full_one(weights_file, tmp_path):
@@ -410,6 +431,29 @@ def test_a_frame_without_picture_is_no_error(camera):
         .see(Frame(0.0, np.zeros((720, 1280, 3), np.uint8), GimbalAttitude(0.0, 0.0)))
         .reason.startswith("ship: no detector")
     )
+
+
+@pytest.mark.parametrize("unknown", [math.nan, math.inf])
+def test_without_the_cameras_attitude_there_is_no_box_and_a_reason(camera, unknown):
+    stage = Stage(camera)
+    ship = [ship_at(600, 370)]
+    for _ in range(needed(stage)):
+        followed = stage.see(ship).ship_box
+    assert followed is not None
+    for gimbal in (GimbalAttitude(unknown, 0.0), GimbalAttitude(0.0, unknown), GimbalAttitude(0.0, 0.0, unknown)):
+        seen = stage.far.see(Frame(stage.t_s, np.zeros((720, 1280, 3), np.uint8), gimbal))
+        assert seen.ship_box is None and seen.reason == "far: the camera's attitude is not known"
+    assert stage.see(ship).ship_box is not None
+
+
+def test_a_picture_of_another_size_than_the_cameras_has_no_box(camera):
+    """Its pixels are other angles, and those of the track."""
+    stage = Stage(camera)
+    for _ in range(needed(stage)):
+        stage.see([ship_at(300, 185)])
+    half = np.zeros((360, 640, 3), np.uint8)
+    seen = stage.far.see(Frame(stage.t_s + 0.1, half, GimbalAttitude(0.0, 0.0)))
+    assert seen.ship_box is None and seen.reason == "far: the picture's size is not the camera's"
 
 
 def test_detector_pads_and_maps_back(weights_file, rng):

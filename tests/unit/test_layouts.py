@@ -97,12 +97,12 @@ def yolox(path, *, raw=False, classes=80, kind=8):
     return network(path, {"output": (base, part)})
 
 
-def yolov8(path):
-    base, part = np.zeros((1, 4 + 2, CELLS)), np.zeros((1, 4 + 2, CELLS))
+def yolov8(path, classes=2, kind=1, **metadata):
+    base, part = np.zeros((1, 4 + classes, CELLS)), np.zeros((1, 4 + classes, CELLS))
     base[:, :4] = cells().transpose(0, 2, 1)
     base[0, :4, MINE] = BOX
-    part[0, 4 + 1, MINE] = 1.0
-    return network(path, {"output0": (base, part)}, names="{0: 'person', 1: 'boat'}")
+    part[0, 4 + kind, MINE] = 1.0
+    return network(path, {"output0": (base, part)}, **({"names": "{0: 'person', 1: 'boat'}"} | metadata))
 
 
 def rt_detr(path):
@@ -121,6 +121,39 @@ def rt_detr_logits(path):
     logits[0, 7, 8], part[0, 7, 8] = -steep, 2.0 * steep
     boxes[0, 7] = (56 / COLUMNS, 24 / ROWS, 20 / COLUMNS, 12 / ROWS)
     return network(path, {"logits": (logits, part), "pred_boxes": (boxes, 0 * boxes)})
+
+
+@pytest.mark.parametrize(
+    ("names", "classes", "kind"),
+    [("{8: 'boat', 0: 'person'}", 80, 8), ("['person', 'boat']", 2, 1), ("{'0': 'person', '10': 'boat'}", 11, 10)],
+)
+def test_names_stand_at_their_numbers(names, classes, kind, tmp_path):
+    path = yolov8(tmp_path / "made.onnx", classes, kind, names=names, task="detect")
+    detector = Detector.load(str(path), detector_parameters(), ("boat",))
+    ((_, name),) = detector.detect_named(np.full((ROWS, COLUMNS, 3), 204, np.uint8), 0.1)
+    assert name == "boat"
+    assert detector.kinds == {kind: "boat"}
+
+
+def test_networks_of_other_tasks_are_refused_by_name(tmp_path):
+    """A pose's key points would be read as confidences of classes."""
+    path = yolov8(tmp_path / "pose.onnx", 52, names="{0: 'person'}", task="pose")
+    with pytest.raises(DataError, match="task pose, expected detect"):
+        load_reader(path)
+
+
+@pytest.mark.parametrize("runtime", ["openvino", "onnxruntime"])
+def test_networks_of_half_precision_are_given_it(runtime, tmp_path):
+    model = onnx.load(yolov8(tmp_path / "made.onnx"))
+    model.graph.input[0].type.tensor_type.elem_type = TensorProto.FLOAT16
+    (first,) = (node for node in model.graph.node if "images" in node.input)
+    first.input[0] = "single"
+    model.graph.node.insert(0, helper.make_node("Cast", ["images"], ["single"], to=TensorProto.FLOAT))
+    onnx.save(model, tmp_path / "half.onnx")
+    settings = replace(detector_parameters(), runtime=runtime, precision="fp32", threads=1)
+    detector = Detector.load(str(tmp_path / "half.onnx"), settings, ("boat",))
+    (box,) = detector.detect(np.full((ROWS, COLUMNS, 3), 204, np.uint8), 0.1)
+    assert box.confidence == pytest.approx(0.8, abs=1e-3)
 
 
 @pytest.mark.parametrize("runtime", ["openvino", "onnxruntime"])

@@ -72,6 +72,20 @@ def test_distorted_camera_gives_the_same_pose():
     np.testing.assert_allclose(seen.bar_pose.position_in_bar_m, place_m, atol=0.03)  # m; straight sides drawn bent
 
 
+def test_what_lies_where_a_lens_has_no_inverse_is_not_the_cue():
+    """The polynomial folds back outside of the part of the picture that the board of its calibration was in."""
+    camera = Camera(640, 480, Camera.from_fov(640, 480, 130.0).matrix, np.array([0.4, -2.0, 0.0, 0.0]))
+    eyes = NearVision(BAR, camera, PARAMETERS)
+    reasons = set()
+    for left, top in ((4, 4), (440, 4), (4, 440), (300, 200), (500, 440)):
+        image = np.full((480, 640, 3), 120, np.uint8)
+        for at in (left, left + 105):
+            cv2.rectangle(image, (at, top), (at + 64, top + 21), (60, 190, 70), cv2.FILLED)
+        reasons.add(eyes.see(Frame(0.0, image, NO_GIMBAL)).reason)
+        eyes.reset()
+    assert Refusal.NO_MATCH.value in reasons
+
+
 def bar_at(place_m, yaw_rad=0.0):
     return bar_picture(BAR, CAMERA, camera_from_bar(place_m, yaw_rad), np.random.default_rng(5))
 

@@ -122,6 +122,14 @@ def test_narrower_rectangles_are_another_cue_and_not_a_hidden_one(rng):
     assert seen(dark_picture(rng, cue=narrower), HAND_MADE).reason == Refusal.REPROJECTION.value
 
 
+def test_a_side_hidden_aslant_is_found_in_a_cue_of_many_rectangles(rng):
+    """Of 16 there are 5¹⁶ choices of a side or none of each, which would take years; at most two sides count."""
+    places = [(0.2 * column - 0.7, 0.2 * row - 0.1, 0.12, 0.1) for row in range(2) for column in range(8)]
+    many = Cue(rectangles(*places).polygon, manufacturing_tolerance=0.002)
+    aslant = [(-0.8, -0.2), (-0.69, -0.2), (-0.74, 0.0), (-0.8, 0.0)]
+    assert_there(seen(dark_picture(rng, cue=many, over=[(aslant, DARK)]), many))
+
+
 def test_a_gap_in_a_lit_frame_is_no_region(rng):
     image = np.full((240, 320, 3), 10, np.uint8)
     cv2.rectangle(image, (60, 40), (260, 200), (60, 190, 70), cv2.FILLED)

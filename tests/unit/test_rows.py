@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pictures import GREEN, GREY, Look, camera_from_bar, finish, paint, plain_canvas, project_plane
+from pictures import GREEN, GREY, Look, bar_picture, camera_from_bar, finish, paint, plain_canvas, project_plane
 from shipland.camera import Camera, CameraParameters
 from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude
@@ -90,6 +90,16 @@ def test_motion_linear_in_the_cue_is_taken_out_whole():
     assert not alone.moved_px.any()
     ratio = PARAMETERS.row_motion_px_s / PARAMETERS.row_shake_px_s
     np.testing.assert_allclose(alone.unsure_px, ratio * moved.unsure_px)
+
+
+@pytest.mark.parametrize("step_s", [1e-3, 1e-5])
+def test_pictures_a_moment_apart_tell_no_motion(step_s):
+    """A recorder that stamps a repeated picture anew: the corners' noise, over so little time, is no motion."""
+    place_m, rng, told = (-6.0, 0.3, 1.0), np.random.default_rng(4), NearVision(BAR, ROLLING, PARAMETERS)
+    pose = camera_from_bar(place_m, 0.02)
+    for index in range(3):
+        seen = told.see(Frame(index * step_s, bar_picture(BAR, ROLLING, pose, rng, Look(0.5, 2.0)), LEVEL))
+        assert error_of(seen, place_m, 0.02)[1] < 3.0
 
 
 def test_row_time_is_kept_by_files_and_goes_with_the_size(tmp_path):

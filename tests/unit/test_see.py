@@ -26,8 +26,10 @@ from shipland.record.channels import LogParameters
 from shipland.record.info import FlightInfo
 from shipland.record.writer import LogWriter
 from shipland.rig import Rig
+from shipland.vision.attitude import AttitudeTrack
+from shipland.vision.near import files
 from shipland.vision.near.files import COLUMNS, default_camera, see_paths
-from shipland.vision.pictures import pictures_of, read_picture, read_video
+from shipland.vision.pictures import FilePicture, pictures_of, read_picture, read_video
 
 KEYS = [
     "file", "t_s", "found", "reason", "distance_m", "position_in_bar_m", "yaw_deg", "covariance", "reprojection_px",
@@ -340,6 +342,26 @@ def test_a_film_that_was_taken_upright_is_turned_as_a_player_shows_it(tmp_path):
     _, turned = next(read_video(path))
     assert turned.shape == (64, 48, 3)
     assert turned[:, 30:].min() > 150 > 50 > turned[:, :18].max()
+
+
+def test_a_film_that_changes_its_size_does_not_go_on_from_the_film_before(tmp_path, monkeypatch):
+    """The film before ended with the bar elsewhere, at the size that this one changes to."""
+
+    def picture(name, t_s, down_m, shrunk, follows):
+        pose = camera_from_bar([-6.0, 0.2, down_m])
+        image = bar_picture(Rig().cue, default_camera(), pose, np.random.default_rng(1), Look(0.4, 0.0))
+        image = cv2.resize(image, (640, 360), interpolation=cv2.INTER_AREA) if shrunk else image
+        return FilePicture(f"{name}#", Path(name), image, t_s, follows)
+
+    first, second = tmp_path / "a.ts", tmp_path / "b.ts"
+    films = {
+        first: [picture(first, 0.0, 0.75, True, False)],
+        second: [picture(second, 0.0, -0.75, False, False), picture(second, 0.1, -0.75, True, True)],
+    }
+    monkeypatch.setattr(files, "pictures_of", lambda paths, _: iter(films[paths[0]]))
+    track = AttitudeTrack.of([(0.0, 0.0, 0.0)], 0.01, "level")
+    results = list(see_paths([first, second], Rig().cue, default_camera(), attitude_of=lambda _: track))
+    assert [result.observation.reason for result in results] == ["", "", ""]
 
 
 def test_a_film_whose_name_has_a_colon_is_no_protocol(tmp_path, monkeypatch):

@@ -183,8 +183,11 @@ def _of_ardupilot(path: Path, body: bool) -> list[Reading]:
     names = (_TLOG if of_ground else _BIN)[body]
     rows: dict[str, list[Reading]] = {name: [] for name in names}
     senders: dict[str, set[tuple[int, int]]] = {name: set() for name in names}
+    mounts: dict[str, int] = {}
     for message in _messages(path, names):
-        name = message.get_type()
+        name, mount = message.get_type(), getattr(message, "I", 0)
+        if mount != mounts.setdefault(name, mount):
+            continue  # another one than the first
         rows[name].append(_reading(message))
         if of_ground:
             senders[name].add((message.get_srcSystem(), message.get_srcComponent()))

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import logit
 
 from shipland.config import build, require
 from shipland.errors import ConfigError, DataError
@@ -107,7 +108,7 @@ def decode(maps: Sequence[Float32], spec: DetectorSpec, min_confidence: float) -
     """
     count = 5 + len(spec.classes)
     boxes, scores, kinds = [], [], []
-    least_logit = float(np.log(min_confidence / (1.0 - min_confidence))) if min_confidence > 0.0 else -np.inf
+    least_logit = float(logit(min_confidence))
     for raw, stride, anchors in zip(maps, STRIDES, spec.anchors_px, strict=True):
         cells = raw.reshape(3, count, *raw.shape[-2:])
         anchor, row, column = np.nonzero(cells[:, 4] >= least_logit)
@@ -125,7 +126,7 @@ def decode(maps: Sequence[Float32], spec: DetectorSpec, min_confidence: float) -
         else:
             centre = (cell + 2.0 * sigmoid(values[:, :2]) - 0.5) * stride
             size = size * (2.0 * sigmoid(values[:, 2:4])) ** 2
-        keep = score >= min_confidence
+        keep = (score >= min_confidence) & np.isfinite(values[:, :4]).all(axis=1)
         boxes.append(np.concatenate([centre, size], axis=1)[keep])
         scores.append(score[keep])
         kinds.append(kind[keep])

@@ -88,15 +88,20 @@ class FarVision:
 
     def see(self, frame: Frame) -> Observation:
         """Ship box and bar box of one frame, each None unless a believed track was seen in it."""
-        if frame.image is None or min(frame.image.shape[:2]) < NETWORK_STEP_PX:
-            return Observation(frame.t_s, frame.gimbal, reason="far: no picture")
+        picture, gimbal = frame.image, frame.gimbal
+        if picture is None or min(picture.shape[:2]) < NETWORK_STEP_PX:
+            return Observation(frame.t_s, gimbal, reason="far: no picture")
+        if picture.shape[:2] != (self.camera.height_px, self.camera.width_px):
+            return Observation(frame.t_s, gimbal, reason="far: the picture's size is not the camera's")
+        if not all(map(math.isfinite, (gimbal.roll_rad, gimbal.pitch_rad, gimbal.yaw_rad))):
+            return Observation(frame.t_s, gimbal, reason="far: the camera's attitude is not known")
         if self._last_s is not None and not 0.0 <= frame.t_s - self._last_s <= self.parameters.stale_s:
             self.reset()
         self._last_s = frame.t_s
-        ship_box, ship_reason, searched = self._see_ship(frame, frame.image)
-        bar_box, bar_reason = self._see_bar(frame, frame.image, searched)
+        ship_box, ship_reason, searched = self._see_ship(frame, picture)
+        bar_box, bar_reason = self._see_bar(frame, picture, searched)
         reason = "; ".join(text for text in (ship_reason, bar_reason) if text)
-        return Observation(frame.t_s, frame.gimbal, None, bar_box, ship_box, reason)
+        return Observation(frame.t_s, gimbal, None, bar_box, ship_box, reason)
 
     def _see_ship(self, frame: Frame, picture: Picture) -> tuple[Box | None, str, bool]:
         """The ship's box, why there is none, and whether the whole frame was searched."""

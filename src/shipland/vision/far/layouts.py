@@ -176,6 +176,9 @@ def load_reader(path: Path, runtime: Runtime = "auto", precision: Precision = "a
             1.0,
             lambda maps, _, least: decode(maps, spec, least),
         )
+    task = network.metadata("task")
+    if task not in (None, "detect"):
+        raise DataError(f"{path} is no detector that can be read: its metadata says task {task}, expected detect")
     shapes = list(network.inputs.values())
     if 1 <= len(shapes) <= 2 and len(shapes[0]) == 4 and shapes[0][1] in (3, -1):
         rows, columns = shapes[0][2:]
@@ -211,10 +214,13 @@ def _surer(
 
 
 def _class_names(listed: str | None, count: int) -> tuple[str, ...]:
-    """Those that the file lists (`{0: 'boat', …}`), else COCO's, else numbers."""
-    if listed is not None:
-        try:
-            return tuple(str(name) for _, name in sorted(ast.literal_eval(listed).items()))
-        except (AttributeError, SyntaxError, TypeError, ValueError):
-            pass
-    return COCO_CLASSES if count in (0, len(COCO_CLASSES)) else tuple(str(number) for number in range(count))
+    """Those that the file lists, by number (`{0: 'boat', …}`) or in order, else COCO's, else numbers."""
+    try:
+        told = ast.literal_eval(listed or "{}")
+        items = told.items() if isinstance(told, dict) else enumerate(told)
+        named = {int(number): str(name) for number, name in items}
+    except (SyntaxError, TypeError, ValueError):
+        named = {}
+    if not named and count in (0, len(COCO_CLASSES)):
+        return COCO_CLASSES
+    return tuple(named.get(number, str(number)) for number in range(count or 1 + max(named)))

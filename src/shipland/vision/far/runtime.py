@@ -19,6 +19,10 @@ INPUT_NAME = "picture"
 METADATA_KEY = "shipland_detector"
 FIRST_BYTE = b"\x08"
 """ONNX files start with field 1 of their protobuf, the version."""
+_MOST_SIZES = 8
+"""Picture sizes for which a network stays compiled, those last met: a whole picture's takes 60 MB and more."""
+_NUMBERS = {"tensor(float16)": np.float16, "tensor(int32)": np.int32, "tensor(int64)": np.int64}
+"""Of ONNX Runtime's inputs; any other is given single precision."""
 Picture = npt.NDArray[np.uint8]
 Shape = tuple[int, ...]
 
@@ -72,7 +76,7 @@ def load_network(path: Path, runtime: Runtime = "auto", precision: Precision = "
 
 
 class OpenVinoNetwork:
-    """OpenVINO on the CPU; one compiled network for each picture size, made when it is first met."""
+    """OpenVINO on the CPU; one compiled network for each of the last picture sizes, made when it is first met."""
 
     def __init__(self, path: Path, precision: Precision, threads: int) -> None:
         import openvino
@@ -102,9 +106,11 @@ class OpenVinoNetwork:
         key = (*picture.shape, divisor)
         feeds = {0: picture[None]} | ({1: _width_and_height(picture)} if len(self.inputs) > 1 else {})
         try:
-            if key not in self._requests:
-                self._requests[key] = self._compile(picture.shape, divisor)
-            results = self._requests[key].infer(feeds, share_inputs=True)
+            request = self._requests.pop(key, None) or self._compile(picture.shape, divisor)
+            for old in list(self._requests)[: 1 - _MOST_SIZES]:
+                del self._requests[old]
+            self._requests[key] = request
+            results = request.infer(feeds, share_inputs=True)
         except RuntimeError as error:
             raise DataError(f"{self._path} cannot be run: {_last_line(error)}") from None
         return [np.atleast_1d(results[index])[0] for index in range(len(self.outputs))]
@@ -148,6 +154,7 @@ class OnnxRuntimeNetwork:
             {port.name: tuple(size if isinstance(size, int) else -1 for size in port.shape) for port in ports}
             for ports in (self._session.get_inputs(), self._session.get_outputs())
         )
+        self._numbers = [_NUMBERS.get(port.type, np.float32) for port in self._session.get_inputs()]
         self.description = "ONNX Runtime"
 
     def metadata(self, name: str) -> str | None:
@@ -158,9 +165,13 @@ class OnnxRuntimeNetwork:
     def run(self, picture: Picture, divisor: float = 1.0) -> list[Float32]:
         """See `Network.run`."""
         planes = np.ascontiguousarray(picture.transpose(2, 0, 1)[None], dtype=np.float32)
-        feeds = zip(self.inputs, (planes / np.float32(divisor), _width_and_height(picture)), strict=False)
+        given = (planes / np.float32(divisor), _width_and_height(picture))
+        feeds = {
+            name: np.asarray(value, numbers)
+            for name, value, numbers in zip(self.inputs, given, self._numbers, strict=False)
+        }
         try:
-            return [np.atleast_1d(item)[0] for item in self._session.run(None, dict(feeds))]
+            return [np.atleast_1d(item)[0] for item in self._session.run(None, feeds)]
         except self._failures as error:
             raise DataError(f"{self._path} cannot be run: {_last_line(error)}") from None
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
+from shipland.camera import Camera
 from shipland.frames import Array, Pose
 from shipland.vision.near.associate import Match, match_by_geometry, match_by_prediction
+from shipland.vision.near.edge_pixels import distort
 from shipland.vision.near.gates import Refusal
 from shipland.vision.near.pose import PoseCandidate, Setup
 from shipland.vision.near.segment import Region, is_cut_quad
@@ -29,6 +31,9 @@ besides."""
 _NUDGE_PX = 1e-3
 """What corners are moved by for a rough pose."""
 
+_LENS_PX = 0.05
+"""How far off a pixel its undistorted place may be shown."""
+
 _LIKE_SIZE = 2.0
 """Ratio of areas up to which two quadrilaterals may belong together."""
 
@@ -42,14 +47,12 @@ class Choice:
         setup: cue, camera, parameters.
         predicted_px: (n,4,2) the cue's corners by the last pose, or None.
         cut: regions that the picture's edge cuts.
-        known: the hypotheses that were measured, by their polygons.
     """
 
     pose_of: Callable[[Match], PoseCandidate | Refusal]
     setup: Setup
     predicted_px: Array | None
     cut: list[Region]
-    known: dict[tuple[tuple[int, ...], tuple[int, ...]], PoseCandidate | Refusal] = field(default_factory=dict)
 
     def cue_among(self, quads: list[Array], *, parts: bool) -> PoseCandidate | Refusal:
         """Whole cues first, where the last pose predicts them and then anywhere; then parts in the same order.
@@ -61,7 +64,7 @@ class Choice:
         if not quads:
             return self._cut_or(Refusal.NO_QUADRILATERAL)
         setup = self.setup
-        quads_px = setup.camera.undistort(np.concatenate(quads)).reshape(-1, *setup.plane_m.shape[1:])
+        quads_px = _undistorted(np.stack(quads), setup.camera)
         count = len(setup.plane_m)
         predicted = None if self.predicted_px is None else match_by_prediction(quads_px, self.predicted_px)
         refusal = Refusal.NO_MATCH
@@ -94,7 +97,7 @@ class Choice:
         for match in plausible[:_MOST_MEASURED]:
             if used.intersection(match.candidates):
                 continue
-            result = self._measured(match)
+            result = self.pose_of(match)
             if isinstance(result, PoseCandidate):
                 found.append(result)
                 used.update(match.candidates)
@@ -118,7 +121,7 @@ class Choice:
         area_px2 = np.array([cv2.contourArea(quad.astype(np.float32)) for quad in quads_px])
         alone = [match for match in hypotheses if not _in_company(match, area_px2)]
         explained = [match for match in alone[:_MOST_POSED] if self._may_be_cut(match)]
-        results = [self._measured(match) for match in explained[:_MOST_MEASURED]]
+        results = [self.pose_of(match) for match in explained[:_MOST_MEASURED]]
         proven = [
             result
             for result in results
@@ -129,13 +132,6 @@ class Choice:
         best = [candidate for candidate in proven if len(candidate.match.model) == most]
         return (best[0] if len(best) == 1 else Refusal.AMBIGUOUS) if best else None
 
-    def _measured(self, match: Match) -> PoseCandidate | Refusal:
-        """A hypothesis's pose, or why it has none; each is measured once."""
-        key = match.model, match.candidates
-        if key not in self.known:
-            self.known[key] = self.pose_of(match)
-        return self.known[key]
-
     def _may_be_cut(self, match: Match) -> bool:
         """Whether the picture's edge may explain what a hypothesis lacks."""
         poses = rough_poses(match, self.setup)
@@ -144,6 +140,18 @@ class Choice:
     def _cut_or(self, refusal: Refusal) -> Refusal:
         """That the cue is cut, where a cut region could be a part of one; else another reason."""
         return Refusal.CUT_BY_FRAME if any(is_cut_quad(region) for region in self.cut) else refusal
+
+
+def _undistorted(quads_px: Array, camera: Camera) -> Array:
+    """Polygons (m,k,2) [px] as a distortion-free camera would see them, without those where the lens has no inverse.
+
+    The polynomials of a calibration may fold back outside of the part of the picture that they were fitted to.
+    """
+    shown_px = quads_px.reshape(-1, 2)
+    straight_px = camera.undistort(shown_px)
+    with np.errstate(invalid="ignore", over="ignore"):
+        known = np.abs(distort(straight_px, camera) - shown_px) <= _LENS_PX
+    return straight_px.reshape(quads_px.shape)[known.reshape(len(quads_px), -1).all(axis=1)]
 
 
 def rough_poses(match: Match, setup: Setup) -> list[Pose]:

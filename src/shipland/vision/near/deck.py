@@ -82,6 +82,8 @@ class DeckVision:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_PICTURE.value)
         if image.shape != (self._camera.height_px, self._camera.width_px, 3):
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.WRONG_SIZE.value)
+        if not all(map(math.isfinite, (frame.gimbal.roll_rad, frame.gimbal.pitch_rad, frame.gimbal.yaw_rad))):
+            return Observation(frame.t_s, frame.gimbal, reason="the camera's attitude is not known")
         size = (self._small.width_px, self._small.height_px)
         small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
         grey = np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.uint8)

@@ -124,7 +124,7 @@ def see(
         camera = default_camera()
     elif not isinstance(camera, Camera):
         camera = Camera.from_opencv_yaml(Path(camera))
-    return _VisionBySize(cue, camera, VisionParameters()).see(FilePicture(str(path), path, pixels))
+    return _FilmVision(cue, camera, VisionParameters()).see(FilePicture(str(path), path, pixels))
 
 
 def see_paths(
@@ -150,7 +150,7 @@ def see_paths(
     Raises:
         DataError: without `broken`, what it would be called with.
     """
-    visions = _VisionBySize(cue, camera, parameters or VisionParameters(), attitude_of)
+    visions = _FilmVision(cue, camera, parameters or VisionParameters(), attitude_of)
     for some in [[path] for path in paths] or [[]]:
         for picture in pictures_of(some, broken):
             try:
@@ -170,8 +170,8 @@ def default_camera() -> Camera:
     return Camera.from_parameters(CameraParameters())
 
 
-class _VisionBySize:
-    """One near vision a picture size and attitude, made when it is first needed."""
+class _FilmVision:
+    """The near vision of a picture and of those that follow it at its size."""
 
     def __init__(
         self,
@@ -182,7 +182,8 @@ class _VisionBySize:
     ) -> None:
         self._cue, self._camera, self._attitude_of = cue, camera, attitude_of
         self._parameters = replace(parameters, max_obliquity_deg=max(parameters.max_obliquity_deg, _MAX_OBLIQUITY_DEG))
-        self._by_size: dict[tuple[int, int, float], NearVision] = {}
+        self._vision: NearVision | None = None
+        self._size_px = (0, 0)
         self._attitudes: dict[Path, AttitudeTrack | None] = {}
 
     def see(self, picture: FilePicture) -> SeeResult:
@@ -191,16 +192,13 @@ class _VisionBySize:
         if source not in self._attitudes:
             self._attitudes[source] = self._attitude_of(source) if is_film(source) else None
         attitude = self._attitudes[source]
-        std_rad = 0.0 if attitude is None else attitude.std_rad
-        size = (picture.image.shape[1], picture.image.shape[0], std_rad)
-        if size not in self._by_size:
-            if not self._by_size:
-                say_that_it_compiles()
-            camera = self._camera.for_pictures(picture.name, *size[:2])
+        size_px = (picture.image.shape[1], picture.image.shape[0])
+        if self._vision is None:
+            say_that_it_compiles()
+        if self._vision is None or not picture.follows or size_px != self._size_px:
+            camera = self._camera.for_pictures(picture.name, *size_px)
+            std_rad = 0.0 if attitude is None else attitude.std_rad
             parameters = replace(self._parameters, gimbal_noise_rad=std_rad)
-            self._by_size[size] = NearVision(self._cue, camera, parameters, fuse=True)
-        vision = self._by_size[size]
-        if not picture.follows:
-            vision.reset()
+            self._vision, self._size_px = NearVision(self._cue, camera, parameters, fuse=True), size_px
         gimbal = _UNKNOWN_GIMBAL if attitude is None else attitude.at(picture.t_s)
-        return SeeResult(picture, vision.see(Frame(picture.t_s, picture.image, gimbal)))
+        return SeeResult(picture, self._vision.see(Frame(picture.t_s, picture.image, gimbal)))

@@ -57,24 +57,20 @@ def hidden_sides(candidate: PoseCandidate) -> list[Hidden]:
     jacobian = np.einsum("nsead,nsa->nsed", _jacobian(candidate)[:, ends], normal).reshape(-1, 6)
     hat = np.eye(len(residual)) - jacobian @ np.linalg.pinv(jacobian)
     remains = hat @ residual
-    best: dict[int, tuple[float, list[int]]] = {}
-    for chosen in itertools.product(range(-1, sides), repeat=polygons):
-        some = [polygon * sides + side for polygon, side in enumerate(chosen) if side >= 0]
-        if not 1 <= len(some) <= _MOST_HIDDEN:
-            continue
-        rows = np.array([[2 * side, 2 * side + 1] for side in some]).ravel()
-        gain = float(remains[rows] @ np.linalg.lstsq(hat[np.ix_(rows, rows)], remains[rows], rcond=None)[0])
-        if len(some) not in best or gain > best[len(some)][0]:
-            best[len(some)] = gain, some
     found = []
     extent_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
     most_px = _MOST_LEFT * (1.0 + candidate.setup.manufacturing_tolerance * extent_px)
-    for _, (gain, some) in sorted(best.items()):
-        left = max(float(remains @ remains) - gain, 0.0) / (len(residual) - 2 * len(some))
+    for count in range(1, _MOST_HIDDEN + 1):
+        some = np.array(list(itertools.combinations(range(polygons * sides), count)))
+        some = some[(np.diff(some // sides, axis=1) > 0).all(axis=1)]
+        rows = (2 * some[..., None] + np.arange(2)).reshape(len(some), -1)
+        blocks = np.linalg.pinv(hat[rows[:, :, None], rows[:, None]])
+        gains = np.einsum("mi,mij,mj->m", remains[rows], blocks, remains[rows])
+        left = max(float(remains @ remains - gains.max()), 0.0) / (len(residual) - 2 * count)
         if math.sqrt(2.0 * left) > most_px:
             continue
         hidden = np.zeros(polygons * sides, bool)
-        hidden[some] = True
+        hidden[some[gains.argmax()]] = True
         found.append(hidden.reshape(polygons, sides))
     return found
 

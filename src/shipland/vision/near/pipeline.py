@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -148,7 +148,6 @@ class NearVision:
         joined = [] if self._setup.strokes else joined_quads(segments.quads, parameters.min_side_px)
         for more in (segments.flush, joined):
             if more:
-                choice = replace(choice, known={})
                 other = choice.cue_among(segments.quads + more, parts=parts)
                 if isinstance(other, PoseCandidate):
                     return other

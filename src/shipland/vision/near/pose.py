@@ -72,10 +72,12 @@ class Followed:
     Attributes:
         corners_px: (n,4,2) all of its corners, undistorted, as measured.
         since_s: from that picture to this.
+        noise_px: standard deviation of a corner on either axis, about.
     """
 
     corners_px: Array
     since_s: float
+    noise_px: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -230,10 +232,11 @@ def row_motion(
     motion_px_s, std_px_s = np.zeros(corners_px.shape), parameters.row_motion_px_s
     if last is not None:
         since_s = last.since_s + camera.row_time_s * (corners_px - last.corners_px)[..., 1:]
-        measured_px_s = (corners_px - last.corners_px) / since_s
-        # A plane that is small in the picture moves linearly in its coordinates: the corners' errors average out.
-        place = np.column_stack([np.ones(plane_m.size // 2), plane_m.reshape(-1, 2)])
-        fit, *_ = np.linalg.lstsq(place, measured_px_s.reshape(-1, 2), rcond=None)
-        motion_px_s, std_px_s = (place @ fit).reshape(corners_px.shape), parameters.row_shake_px_s
+        if math.sqrt(2.0) * last.noise_px < parameters.row_shake_px_s * since_s.min():  # else it is mostly noise
+            measured_px_s = (corners_px - last.corners_px) / since_s
+            # A plane that is small in the picture moves linearly in its coordinates: the corners' errors average out.
+            place = np.column_stack([np.ones(plane_m.size // 2), plane_m.reshape(-1, 2)])
+            fit, *_ = np.linalg.lstsq(place, measured_px_s.reshape(-1, 2), rcond=None)
+            motion_px_s, std_px_s = (place @ fit).reshape(corners_px.shape), parameters.row_shake_px_s
     unsure_px = std_px_s * late_s[..., None] * _AXES[:, None, None]
     return RowMotion(late_s[..., None] * motion_px_s, unsure_px)

@@ -2,6 +2,8 @@
 
 What a sensor's noise moves from picture to picture averages out; what stays, as where pixels and compression lie on the
 cue, does not. The scatter of the corners over the pictures says how much of their stated error is of the first kind.
+What seems to stand still may creep, by less than one picture's noise: the last pictures are taken, and their corners
+along a straight line in time.
 """
 
 from __future__ import annotations
@@ -19,40 +21,37 @@ _STILL_SIGMAS, _STILL_PX = 4.0, 0.05
 """Standard deviations, and pixels besides, that the cue as a whole, and its corners, root mean square, may differ by
 from what the earlier pictures show on average."""
 
+_MOST_PICTURES = 12
+"""Pictures that count together: over more of them a camera in the hand leaves a straight line."""
+
 _LEAST_LASTING = 0.2
 """Least share of the corners' variance that does not average out."""
 
 
 @dataclass(frozen=True)
 class Still:
-    """The pictures since the cue last moved.
+    """The last pictures, since the cue moved.
 
     Attributes:
         model: the cue's polygons that were seen.
-        count: of pictures.
-        mean_px: (k,n,2) their corners, undistorted, on average.
-        square_px2: sum of their squared deviations from the average, over all coordinates.
+        shown_px: (m,k,n,2) their corners, undistorted, picture by picture.
     """
 
     model: tuple[int, ...]
-    count: int
-    mean_px: Array
-    square_px2: float = 0.0
+    shown_px: Array
 
     @staticmethod
     def of(candidate: PoseCandidate, last: Still | None) -> Still:
         """With one more picture; it begins anew where the cue moved."""
         measured, model = candidate.measured, candidate.match.model
-        if last is None or last.model != model or not last.agrees(measured):
-            return Still(model, 1, measured.corners_px)
-        count = last.count + 1
-        off_px = measured.corners_px - last.mean_px
-        more_px2 = float(np.vdot(off_px, off_px)) * last.count / count
-        return Still(model, count, last.mean_px + off_px / count, last.square_px2 + more_px2)
+        shown_px = measured.corners_px[None]
+        if last is not None and last.model == model and last.agrees(measured):
+            shown_px = np.concatenate([last.shown_px[1 - _MOST_PICTURES :], shown_px])
+        return Still(model, shown_px)
 
     def agrees(self, measured: MeasuredCorners) -> bool:
         """Whether corners are where they were, but for their errors."""
-        off_px = measured.corners_px - self.mean_px
+        off_px = measured.corners_px - self.shown_px.mean(axis=0)
         corners = off_px.size // 2
         noise_px = measured.noise_px
         whole_px, each_px = math.hypot(*off_px.mean(axis=(0, 1))), math.sqrt(float(np.vdot(off_px, off_px)) / corners)
@@ -62,16 +61,18 @@ class Still:
         )
 
     def fused(self, candidate: PoseCandidate, known: Known) -> PoseCandidate:
-        """The pose of all pictures together; the last one's where it cannot be had."""
-        measured = candidate.measured
-        if self.count < 2 or measured.hidden is not None:
+        """The pose of all pictures together at the last one; the last one's where it cannot be had."""
+        measured, count = candidate.measured, len(self.shown_px)
+        if count < 3 or measured.hidden is not None:
             return candidate
-        scatter_px2 = self.square_px2 / ((self.count - 1) * self.mean_px.size)
+        before = np.column_stack([np.ones(count), np.arange(1 - count, 1)])
+        line_px, square_px2, *_ = np.linalg.lstsq(before, self.shown_px.reshape(count, -1), rcond=None)
+        scatter_px2 = float(square_px2.mean()) / (count - 2)
         scattered = min(scatter_px2 / max(measured.noise_px**2, 1e-9), 1.0 - _LEAST_LASTING)
-        left = 1.0 - scattered + scattered / self.count
+        left = 1.0 - scattered + scattered * (4.0 * count - 2.0) / (count * (count + 1.0))  # of a line's end
         together = replace(
             measured,
-            corners_px=self.mean_px,
+            corners_px=line_px[0].reshape(measured.corners_px.shape),
             whiten=measured.whiten / math.sqrt(left),
             noise_px=measured.noise_px * math.sqrt(left),
         )

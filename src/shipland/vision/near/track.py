@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shipland.frames import Array, Pose
+from shipland.vision.near.edges import MeasuredCorners
 from shipland.vision.near.planar_pose import LevelPrior
 from shipland.vision.near.pose import Followed, Known, PoseCandidate, Setup
 from shipland.vision.near.segment import Window, extent_px
@@ -23,7 +24,7 @@ class Track:
         corners_px: (n,4,2) where its corners were.
         drift_px_s: (2,) how fast they moved.
         blur_px: the picture's blur, or None.
-        measured_px: (n,4,2) its corners as measured, undistorted; None where not all of the cue was seen.
+        measured: its corners as measured; None where not all of the cue was seen.
     """
 
     t_s: float
@@ -31,7 +32,7 @@ class Track:
     corners_px: Array
     drift_px_s: Array
     blur_px: float | None
-    measured_px: Array | None
+    measured: MeasuredCorners | None
 
     @staticmethod
     def of(candidate: PoseCandidate, t_s: float, last: Track | None) -> Track | None:
@@ -49,8 +50,8 @@ class Track:
         drift_px_s = np.zeros(2)
         if last is not None and t_s > last.t_s:
             drift_px_s = (corners_px - last.corners_px).mean(axis=(0, 1)) / (t_s - last.t_s)
-        measured_px = candidate.measured.corners_px if candidate.whole else None
-        return Track(t_s, pose, corners_px, drift_px_s, candidate.measured.blur_px, measured_px)
+        measured = candidate.measured if candidate.whole else None
+        return Track(t_s, pose, corners_px, drift_px_s, candidate.measured.blur_px, measured)
 
     def holds(self, t_s: float, setup: Setup) -> bool:
         """Whether the pose is recent enough to predict the picture of a time."""
@@ -59,8 +60,8 @@ class Track:
     def known(self, t_s: float, level: LevelPrior | None) -> Known:
         """What the pose says of the picture of a time, besides the gimbal's vertical."""
         followed = None
-        if self.measured_px is not None and t_s > self.t_s:
-            followed = Followed(self.measured_px, t_s - self.t_s)
+        if self.measured is not None and t_s > self.t_s:
+            followed = Followed(self.measured.corners_px, t_s - self.t_s, self.measured.noise_px)
         predicted_px = self.corners_px + self.drift_px_s * (t_s - self.t_s)
         return Known(level, predicted_px, self.camera_from_plane, self.blur_px, followed)
 
