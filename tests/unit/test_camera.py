@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
+from shipland.calibration_file import read_calibration
 from shipland.camera import Camera, level_from_camera
 from shipland.errors import DataError
 from shipland.messages import GimbalAttitude
@@ -207,6 +208,58 @@ class TestBadCalibrationFiles:
         path.write_text(text)
         read = Camera.from_opencv_yaml(path)
         assert (read.focal_px, read.has_distortion) == (600.0, False)
+
+
+ROS = """image_width: 640
+image_height: 480
+camera_name: camera
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [600.5, 0, 320.1,
+         0, 601, 240,
+         0, 0, 1]
+distortion_model: plumb_bob
+distortion_coefficients:
+  rows: 1
+  cols: 5
+  data: [0.1, -0.25, 0.001, 0, 0]
+"""
+
+
+class TestFilesOfOthers:
+    def read(self, tmp_path, text):
+        path = tmp_path / "camera.yaml"
+        path.write_text(text)
+        return read_calibration(path)
+
+    def test_what_ros_writes_is_read(self, tmp_path):
+        camera = self.read(tmp_path, ROS)
+        assert (camera.width_px, camera.height_px) == (640, 480)
+        assert np.array_equal(camera.matrix, [[600.5, 0.0, 320.1], [0.0, 601.0, 240.0], [0.0, 0.0, 1.0]])
+        assert camera.distortion.tolist() == [0.1, -0.25, 0.001, 0.0, 0.0]
+
+    def test_opencv_s_are_read_as_before(self, tmp_path):
+        assert self.read(tmp_path, calibration()).focal_px == 600.0
+        assert self.read(tmp_path, calibration() + "distortion_model: plumb_bob\nfisheye_model: 0\n").focal_px == 600.0
+
+    @pytest.mark.parametrize(
+        ("text", "words"),
+        [
+            (ROS.replace("plumb_bob", "equidistant"), "distortion model equidistant, expected one of plumb_bob"),
+            (calibration() + "distortion_model: equidistant\n", "distortion model equidistant"),
+            (calibration() + "fisheye_model: 1\n", "distortion model fisheye"),
+            ("<?xml version='1.0'?><opencv_storage><fisheye_model>1</fisheye_model></opencv_storage>", "fisheye"),
+            (ROS.replace("640", "wide"), "a whole size"),
+            (ROS.replace(", 0, 1]", "]"), "nine numbers"),
+            (ROS.replace("600.5", "-600.5"), "positive focal lengths"),
+            (ROS.replace("[0.1, -0.25, 0.001, 0, 0]", "[]"), "distortion wants"),
+        ],
+    )
+    def test_others_are_refused_in_a_line_that_names_the_file(self, tmp_path, text, words):
+        with pytest.raises(DataError, match=words) as caught:
+            self.read(tmp_path, text)
+        assert str(tmp_path / "camera.yaml") in str(caught.value)
 
 
 class TestDigest:

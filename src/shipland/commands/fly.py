@@ -55,7 +55,7 @@ class Fly(ScenarioOptions):
     vehicle: str | None = None
     """Flown in place of the simulated aircraft: `mavlink://…`, `anafi://…`, `ros2://…`, `replay://…`."""
     calibration: Path | None = None
-    """OpenCV calibration file of the vehicle's camera."""
+    """OpenCV's or ROS's calibration file of the vehicle's camera."""
     vehicle_config: Path | None = None
     """TOML file laid over the settings of vehicles, such as what `shipland identify` writes."""
     wind_mps: float | None = None

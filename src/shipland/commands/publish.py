@@ -30,7 +30,7 @@ class Publish(ScenarioOptions):
     vehicle: str = "mavlink://udp:127.0.0.1:14550"
     """Address as `shipland fly` takes it, with its camera."""
     calibration: Path | None = None
-    """OpenCV calibration file of the camera."""
+    """OpenCV's or ROS's calibration file of the camera."""
     vehicle_config: Path | None = None
     """TOML file laid over the settings of vehicles."""
     position: bool = False

@@ -34,7 +34,7 @@ class Replay(ScenarioOptions):
     vision: str = ""
     """Who sees, as in `shipland fly`; not given: who saw the log."""
     calibration: Path | None = None
-    """OpenCV calibration YAML of a video's camera; without one it is the scenario's."""
+    """OpenCV's or ROS's calibration file of a video's camera; without one it is the scenario's."""
     pitch_deg: float = 0.0
     """Pitch of a video's camera against the horizon."""
     out: Path | None = None
@@ -78,7 +78,7 @@ class Replay(ScenarioOptions):
             return replay(recording, lambda record: [sink(record) for sink in sinks])
 
     def _recording(self) -> Recording:
-        from shipland.camera import Camera
+        from shipland.calibration_file import read_calibration
         from shipland.evaluation.replays import recorded_film, recorded_flight
         from shipland.vision.pictures import is_video
 
@@ -86,6 +86,6 @@ class Replay(ScenarioOptions):
             pilot, vision = self.pilot or "horizon", self.vision or "rendered"
             if self.calibration is None:
                 say("camera: that of the scenario; --calibration gives another")
-            camera = None if self.calibration is None else Camera.from_opencv_yaml(self.calibration)
+            camera = None if self.calibration is None else read_calibration(self.calibration)
             return recorded_film(self.recording, self.load(), pilot, vision, self.pitch_deg, camera)
         return recorded_flight(self.recording, self.pilot, self.vision, self.changes)

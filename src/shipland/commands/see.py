@@ -42,8 +42,8 @@ class See(PictureOptions):
     config: Path | None = None
     """TOML with sections of the configuration, as a scenario has them: [vision], [camera], [rig]."""
     calibration: Path | None = None
-    """OpenCV calibration YAML; a line row_time_s in it tells a rolling shutter's time from row to row. Default: the
-    camera in the log, else the rig's camera."""
+    """OpenCV's or ROS's calibration file; a line row_time_s in OpenCV's tells a rolling shutter's time from row to row.
+    Default: the camera in the log, else the rig's camera."""
     attitude: Path | None = None
     """Roll and pitch of a film's camera against the horizon: CSV with the columns t_s (the film's time), roll_deg
     (right side down positive) and pitch_deg (upward positive), one row for a camera that stands; a flight log (.mcap);
@@ -133,10 +133,11 @@ class See(PictureOptions):
 
     def _camera(self, configured: CameraParameters, logs: Mapping[Path, FlightLog]) -> tuple[Camera, str]:
         """The camera that is assumed, and where it comes from."""
+        from shipland.calibration_file import read_calibration
         from shipland.camera import Camera
 
         if self.calibration is not None:
-            return Camera.from_opencv_yaml(self.calibration), f"from {self.calibration}"
+            return read_calibration(self.calibration), f"from {self.calibration}"
         for path, log in logs.items():
             return log.header.camera, f"as {path} has it"
         return Camera.from_parameters(configured), "that of the configuration; --calibration gives another"

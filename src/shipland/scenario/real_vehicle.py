@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from shipland import factories
+from shipland.calibration_file import read_calibration
 from shipland.camera import Camera
 from shipland.config import build, read_toml
 from shipland.errors import ConfigError, VehicleError
@@ -40,7 +41,7 @@ def make_vehicle(
     Args:
         address: `scheme://place?option=value`.
         scenario: its `[camera]` holds where there is no calibration.
-        calibration: OpenCV calibration file of the camera.
+        calibration: OpenCV's or ROS's calibration file of the camera.
         config: file of sections of vehicles.
         log: file for raw messages of the link.
 
@@ -50,7 +51,7 @@ def make_vehicle(
         VehicleError: an extra is missing.
     """
     where = Address.parse(address)
-    camera = Camera.from_parameters(scenario.camera) if calibration is None else Camera.from_opencv_yaml(calibration)
+    camera = Camera.from_parameters(scenario.camera) if calibration is None else read_calibration(calibration)
     setup = VehicleSetup(where, camera, vehicle_table(config), log, calibration is not None)
     vehicle: Vehicle = factories.resolve("vehicles", where.scheme)(setup)
     return vehicle

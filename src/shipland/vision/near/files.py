@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from shipland.calibration_file import read_calibration
 from shipland.camera import Camera, CameraParameters
 from shipland.compiled import say_that_it_compiles
 from shipland.cue import Cue
@@ -123,7 +124,7 @@ def see(
     if camera is None:
         camera = default_camera()
     elif not isinstance(camera, Camera):
-        camera = Camera.from_opencv_yaml(Path(camera))
+        camera = read_calibration(Path(camera))
     return _FilmVision(cue, camera, VisionParameters()).see(FilePicture(str(path), path, pixels))
 
 
