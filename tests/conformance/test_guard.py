@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, suppress
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import pytest
@@ -23,6 +24,7 @@ from mavlink_bench import StandIn, bench  # noqa: E402
 from ports import free_port  # noqa: E402
 from shipland.errors import ConfigError, VehicleError  # noqa: E402
 from shipland.messages import PilotCommand  # noqa: E402
+from shipland.vehicles.mavlink import guard_process  # noqa: E402
 from shipland.vehicles.mavlink.dialect import Codec  # noqa: E402
 from shipland.vehicles.mavlink.guard import Guard  # noqa: E402
 from shipland.vehicles.mavlink.guard_process import GuardedPort  # noqa: E402
@@ -422,6 +424,29 @@ def test_a_guard_that_dies_ends_the_flight_at_once() -> None:
         os.kill(vehicle.session.link.port._process.pid, signal.SIGKILL)
         until(lambda: vehicle.read() is None, timeout_s=10.0)
         assert vehicle.end_reason == "the guard process of the link has ended"
+
+
+def test_a_turn_that_fails_is_told_and_the_messages_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    number, carry, failures = free_port(socket.SOCK_DGRAM), guard_process._Relay._from_vehicle, ["once"]
+
+    def carry_but_once(relay: Any) -> None:
+        if failures:
+            failures.pop()
+            raise ZeroDivisionError("of a bug")
+        carry(relay)
+
+    monkeypatch.setattr(guard_process._Relay, "_from_vehicle", carry_but_once)
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with closing(UdpPort("127.0.0.1", number, listen=True)) as port, closing(theirs):
+        relay = Thread(target=guard_process._Relay(port, theirs).run)
+        relay.start()
+        with closing(ours), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+            ours.settimeout(10.0)
+            vehicle.sendto(b"heartbeat", ("127.0.0.1", number))
+            assert ours.recv(1000) == b"Pthe guard process of the link failed: ZeroDivisionError: of a bug"
+            assert ours.recv(1000).endswith(b"heartbeat")
+        relay.join(10.0)
+        assert not relay.is_alive()
 
 
 def test_a_port_that_cannot_be_opened_is_said_before_flight(monkeypatch: pytest.MonkeyPatch) -> None:

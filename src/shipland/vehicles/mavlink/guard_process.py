@@ -150,22 +150,29 @@ class _Relay:
         self._guard: Guard | None = None
         self._peer = ""
         self._gone = self._reported = self._backlog = False
+        self._turn_s = time.monotonic()
 
     def run(self) -> None:
-        """Until our process has gone and nothing is left to hold."""
-        turn_s = time.monotonic()
+        """Until our process has gone and nothing is left to hold; what fails in a turn does not end it."""
         while not (self._gone and (self._guard is None or self._guard.over(time.monotonic()))):
-            due_s = _TURN_S if self._guard is None else self._guard.due_s() - time.monotonic()
-            ready = {number for number, _ in self._poll.poll(1e3 * min(max(0.0, due_s), _TURN_S))}
-            late_s, turn_s = time.monotonic() - turn_s, time.monotonic()
-            self._backlog = late_s > FRESH_S or (self._backlog and self._port.fileno() in ready)
-            self._tell()  # before the vehicle's next message, which may report the mode that we requested
-            if self._port.fileno() in ready:
-                self._from_vehicle()
-            if self._ours.fileno() in ready:
-                self._from_us()
-            for data in [] if self._guard is None else self._guard.due(time.monotonic()):
-                self._send(data)
+            try:
+                self._turn()
+            except Exception as error:  # without it nothing reaches the vehicle, a hold neither
+                self._tell(f"the guard process of the link failed: {type(error).__name__}: {error}")
+
+    def _turn(self) -> None:
+        due_s = _TURN_S if self._guard is None else self._guard.due_s() - time.monotonic()
+        ready = {number for number, _ in self._poll.poll(1e3 * min(max(0.0, due_s), _TURN_S))}
+        late_s, self._turn_s = time.monotonic() - self._turn_s, time.monotonic()
+        self._backlog = late_s > FRESH_S or (self._backlog and self._port.fileno() in ready)
+        if self._guard is not None:
+            self._tell(self._guard.news)  # before the vehicle's next message, which may report the mode we requested
+        if self._port.fileno() in ready:
+            self._from_vehicle()
+        if self._ours.fileno() in ready:
+            self._from_us()
+        for data in [] if self._guard is None else self._guard.due(time.monotonic()):
+            self._send(data)
 
     def _from_vehicle(self) -> None:
         try:
@@ -208,11 +215,11 @@ class _Relay:
         with suppress(OSError):  # the port will not take it now: the next one
             self._port.send(data, to)
 
-    def _tell(self) -> None:
-        """What our process is to know when it wakes."""
-        if self._guard is not None and self._guard.news and not self._reported:
+    def _tell(self, news: str) -> None:
+        """What our process is to know when it wakes, once."""
+        if news and not self._reported:
             with suppress(OSError):  # full until our process reads: later
-                self._ours.send(b"P" + self._guard.news.encode())
+                self._ours.send(b"P" + news.encode())
                 self._reported = True
 
 
