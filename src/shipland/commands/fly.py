@@ -170,7 +170,7 @@ class Fly(ScenarioOptions):
     def _outside(self, address: str, scenario: Scenario, terminal: Terminal) -> Vehicle:
         """The vehicle, connected where it is a real one, and fit to fly; VehicleError when it is not."""
         from shipland.scenario.fly import fly_quietly
-        from shipland.scenario.real_vehicle import checklist, make_vehicle, require_passed
+        from shipland.scenario.real_vehicle import checklist, make_vehicle, rehearse_vision, require_passed
         from shipland.stopping import check_stop, stop_requests
         from shipland.vehicles.address import vehicle_table
         from shipland.vehicles.checks import Check
@@ -185,9 +185,11 @@ class Fly(ScenarioOptions):
                 raise ConfigError(f"{address} is no vehicle outside: there is nothing to check, and no wind moves it")
             return vehicle
         terminal.say("rehearsing in the simulator")
-        # a pilot's first run compiles and imports for seconds, in which a vehicle in the air would get no command
+        # what runs for the first time compiles and imports for seconds, in which a vehicle in the air gets no command
         with stop_requests():
             rehearsed = fly_quietly(scenario, self.pilot, "geometric", self.seed, on_cycle=lambda _: check_stop())
+            rehearse_vision(scenario, self.vision, vehicle)
+            check_stop()
         terminal.say(f"connecting to {address}")
         vehicle.connect()
         try:

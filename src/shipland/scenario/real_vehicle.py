@@ -21,11 +21,13 @@ from shipland.calibration_file import read_calibration
 from shipland.camera import Camera
 from shipland.config import build, read_toml
 from shipland.errors import ConfigError, VehicleError
+from shipland.factories import Factory
 from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.response import Response
 from shipland.messages import Override
 from shipland.record.reader import read_log
 from shipland.scenario.scenario import Scenario
+from shipland.scenario.visions import VisionSetup, needs_pictures
 from shipland.stopping import ignored
 from shipland.vehicles.address import Address, VehicleSetup, vehicle_table
 from shipland.vehicles.checks import Check, PreflightParameters
@@ -55,6 +57,16 @@ def make_vehicle(
     setup = VehicleSetup(where, camera, vehicle_table(config), log, calibration is not None)
     vehicle: Vehicle = factories.resolve("vehicles", where.scheme)(setup)
     return vehicle
+
+
+def rehearse_vision(scenario: Scenario, vision: str | Factory, vehicle: Vehicle) -> None:
+    """Show a vision that takes pictures those of `vision.rehearsal`, once, before the vehicle is connected."""
+    from shipland.vision.rehearsal import rehearse
+
+    factory = factories.resolve("visions", vision)
+    if needs_pictures(factory):
+        camera, rng = Camera.from_parameters(scenario.camera), np.random.default_rng(0)
+        rehearse(factory(VisionSetup(scenario, camera, vehicle, rng, rng)), scenario.rig.cue, camera)
 
 
 def replay(setup: VehicleSetup) -> Vehicle:
