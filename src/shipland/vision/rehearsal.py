@@ -46,12 +46,11 @@ def _pictures(cue: Cue, camera: Camera) -> Iterator[tuple[npt.NDArray[np.uint8],
 
 
 def _drawn(cue: Cue, camera: Camera, plane_m: Array, distance_m: float) -> npt.NDArray[np.uint8]:
-    """Polygons (n,k,2), squarely before the camera on a grey board; of none the board alone."""
-    picture = np.full((camera.height_px, camera.width_px, 3), 5, np.uint8)
-    size_px = np.array([camera.width_px, camera.height_px])
-    board_px = np.array([0.3, 0.3, 0.7, 0.7]) * np.tile(size_px, 2)
+    """Polygons (n,k,2), lit and squarely before the camera; a grey board in place of none."""
+    height_px, width_px = camera.height_px, camera.width_px
+    picture = np.full((height_px, width_px, 3), 5, np.uint8)
     if plane_m.size == 0:
-        cv2.rectangle(picture, board_px[:2].astype(int).tolist(), board_px[2:].astype(int).tolist(), [_GREY] * 3, -1)
+        picture[height_px // 3 : 2 * height_px // 3, width_px // 3 : 2 * width_px // 3] = _GREY
     hue = _LIGHT[0] if not isinstance(cue.hue, tuple) else (cue.hue[0] + ((cue.hue[1] - cue.hue[0]) % 180) // 2) % 180
     colour = np.array([[[hue, 0 if cue.hue == "white" else _LIGHT[1], _LIGHT[2]]]], np.uint8)
     light = cv2.cvtColor(colour, cv2.COLOR_HSV2BGR)[0, 0].tolist()
