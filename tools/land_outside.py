@@ -25,6 +25,7 @@ from typing import Annotated, Literal
 import numpy as np
 import tyro
 
+from shipland.calibration_file import write_calibration
 from shipland.camera import Camera
 from shipland.errors import DataError
 from shipland.record.reader import FlightLog, read_log
@@ -214,7 +215,7 @@ def land(arguments: Arguments, seed: int) -> dict[str, object]:
         (folder / old).unlink(missing_ok=True)
     scenario = load_scenario(arguments.scenario)
     calibration = folder / "camera.yaml"
-    Camera.from_parameters(scenario.camera).to_opencv_yaml(calibration)
+    write_calibration(Camera.from_parameters(scenario.camera), calibration)
     changes = [word for change in arguments.set for word in ("--set", change)]
     common = ["--scenario", arguments.scenario, "--seed", str(seed), *changes]
     is_px4 = arguments.autopilot == "px4"

@@ -1,6 +1,6 @@
-"""The pinhole camera with OpenCV's distortion: project, back-project, calibration files.
+"""The pinhole camera with OpenCV's distortion: project and back-project.
 
-OpenCV is imported late: a flight with the geometric camera does without its 17 MB.
+OpenCV is imported where a lens distorts alone: a flight with the geometric camera does without its 33 MB.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
@@ -121,15 +120,21 @@ class Camera:
 
         OpenCV's distortion holds inside the field of view only: points far outside it may fold back into the picture.
         """
-        import cv2
-
         points = np.asarray(points_in_camera_m, dtype=float).reshape(-1, 3)
         pixels = np.full((len(points), 2), np.nan)
         front = points[:, 2] > 1e-9
         if front.any():
-            projected, _ = cv2.projectPoints(points[front], np.zeros(3), np.zeros(3), self.matrix, self.distortion)
-            pixels[front] = projected.reshape(-1, 2)
+            pixels[front] = self._pixels(points[front])
         return pixels
+
+    def _pixels(self, points: Array) -> Array:
+        if not self.has_distortion:
+            in_plane = points[:, :2] * (1.0 / points[:, 2:])
+            return np.asarray(in_plane * self.matrix.diagonal()[:2] + self.matrix[:2, 2])
+        import cv2
+
+        pixels, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), self.matrix, self.distortion)
+        return np.asarray(pixels, dtype=float).reshape(-1, 2)
 
     def undistort(self, pixels: Array) -> Array:
         """Pixels (n,2) as a distortion-free camera with the same matrix would see them."""
@@ -172,67 +177,6 @@ class Camera:
         matrix[0, 2] += 0.5 * (sx - 1.0)
         matrix[1, 2] += 0.5 * (sy - 1.0)
         return Camera(width_px, height_px, matrix, self.distortion, self.row_time_s / sy)
-
-    @staticmethod
-    def from_opencv_yaml(path: Path) -> Camera:
-        """Read an OpenCV calibration file (`camera_matrix`, `distortion_coefficients`, `image_width/height`).
-
-        OpenCV knows no `row_time_s`: a line of that name gives it, in seconds. A line `digest`, as `to_opencv_yaml`
-        writes it, must be that of the numbers.
-
-        Raises:
-            DataError: the file is missing, broken, lacks one of them, or its digest is another's.
-        """
-        import cv2
-
-        if not path.is_file():
-            raise DataError(f"calibration file {path} {'is a folder' if path.is_dir() else 'does not exist'}")
-        if b"\0" in path.read_bytes():  # at which OpenCV stops reading, and takes what came before for the whole
-            raise DataError(f"calibration file {path} is not an OpenCV YAML, XML or JSON file: it holds a zero byte")
-        try:
-            storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
-            matrix = storage.getNode("camera_matrix").mat()
-            distortion = storage.getNode("distortion_coefficients").mat()
-            width, height = storage.getNode("image_width"), storage.getNode("image_height")
-            if matrix is None or not (width.isInt() and height.isInt()):
-                raise DataError(f"calibration file {path} lacks camera_matrix, or whole image_width and image_height")
-            coefficients = np.zeros(5) if distortion is None else np.asarray(distortion, dtype=float).ravel()
-            row_time = storage.getNode("row_time_s")
-            row_time_s = 0.0 if row_time.empty() else float(row_time.real())
-            size = int(width.real()), int(height.real())
-            camera = Camera(*size, np.asarray(matrix, dtype=float), coefficients, row_time_s)
-            digest = storage.getNode("digest")
-            if not digest.empty() and digest.string() != camera.digest:
-                raise DataError(
-                    f"calibration file {path} is not as it was written: its numbers do not have its digest; copy it "
-                    "again, or take out the line 'digest' if you changed them"
-                )
-            return camera
-        except ValueError as error:
-            raise DataError(f"calibration file {path} cannot be used: {error}") from None
-        except (cv2.error, SystemError):  # OpenCV's own words name its source files, not the fault
-            raise DataError(
-                f"calibration file {path} is not an OpenCV YAML, XML or JSON file "
-                "with camera_matrix and distortion_coefficients as opencv-matrix"
-            ) from None
-
-    def to_opencv_yaml(self, path: Path) -> None:
-        """Write an OpenCV calibration file, with a digest of its numbers; DataError when it cannot be written."""
-        import cv2
-
-        if not path.parent.is_dir():
-            raise DataError(f"calibration file {path} cannot be written: its folder does not exist")
-        storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
-        if not storage.isOpened():
-            raise DataError(f"calibration file {path} cannot be written")
-        storage.write("image_width", self.width_px)
-        storage.write("image_height", self.height_px)
-        storage.write("camera_matrix", self.matrix)
-        storage.write("distortion_coefficients", self.distortion.reshape(1, -1))
-        if self.row_time_s > 0.0:
-            storage.write("row_time_s", self.row_time_s)
-        storage.write("digest", self.digest)
-        storage.release()
 
     @property
     def digest(self) -> str:

@@ -131,6 +131,7 @@ class Cue:
         require(len(self.polygon) > 0, "a cue needs at least one [[rig.polygon]]")
         counts = {len(polygon.corners_m) for polygon in self.polygon}
         require(len(counts) == 1, f"all polygons of a cue must have as many corners; got {sorted(counts)}")
+        require(sum(len(polygon.corners_m) for polygon in self.polygon) > 3, "a single triangle tells no pose: add one")
         if isinstance(self.hue, tuple):
             require(all(0 <= hue <= 179 for hue in self.hue), f"hue must be two numbers in 0 … 179, got {self.hue}")
 

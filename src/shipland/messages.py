@@ -265,8 +265,8 @@ class PilotCommand:
         yaw_percent: clockwise (nose right) positive.
         gimbal_pitch_rad: commanded camera pitch, against the horizon, upward positive.
         intent: what it is for.
-        at_contact_height: a fresh sight of the bar or the deck shows the aircraft low enough to touch. The safety sets
-            it; without it no vehicle presses on the deck or stops its motors by itself.
+        at_contact_height: a fresh sight of the bar or the deck shows the aircraft over the deck, low enough to touch.
+            The safety sets it; without it no vehicle presses on the deck or stops its motors by itself.
     """
 
     t_s: float

@@ -22,6 +22,7 @@ from steady_pilot import PITCH_PERCENT
 
 from pictures import write_film
 from ports import free_port
+from shipland.calibration_file import write_calibration
 from shipland.record.reader import read_log
 
 pytest.importorskip("pymavlink")
@@ -41,7 +42,7 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @contextmanager
 def flying(address: str, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     """The command, at work."""
-    CAMERA.to_opencv_yaml(tmp_path / "camera.yaml")
+    write_calibration(CAMERA, tmp_path / "camera.yaml")
     # On a busy machine pictures are late, and telemetry is slow: that is not what is tested here.
     (tmp_path / "busy.toml").write_text("[preflight]\npicture_age_s = 3.0\npicture_hz = 2.0\ntelemetry_hz = 2.0\n")
     command = [

@@ -597,6 +597,12 @@ def test_a_persons_key_is_held_to_fence_and_clearance():
     assert "fence: too high" in flight.decisions[-1].reason
 
 
+@pytest.mark.parametrize(("aside_m", "there"), [(0.9, True), (1.1, False)])
+def test_contact_height_is_over_the_deck_alone(aside_m, there):
+    flight = Flight(over_deck(0.5, right_m=aside_m * 0.5 * RIG.deck_size_m)).fly(0.5, {})
+    assert flight.decisions[-1].command.at_contact_height == there
+
+
 def test_contact_height_needs_a_fresh_sight_of_it():
     flight = Flight(over_deck(0.5)).fly(0.5, {})
     assert flight.decisions[-1].command.at_contact_height

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
+from shipland.calibration_file import read_calibration
 from shipland.camera import Camera
 from shipland.errors import DataError
 from shipland.vision.calibration import Board, calibrate
@@ -90,7 +91,7 @@ def test_a_known_camera_comes_out_again(charuco, tmp_path):
     write_views(tmp_path / "views", charuco)
     out = tmp_path / "camera.yaml"
     result = calibrate((tmp_path / "views",), Board("9x6", SQUARE_M, charuco), out)
-    camera = Camera.from_opencv_yaml(out)
+    camera = read_calibration(out)
     assert len(result.used) == len(VIEWS)
     assert abs(camera.focal_px / CAMERA.focal_px - 1.0) < 0.005
     points = np.array([[x, y, 1.0] for x in (-0.45, 0.0, 0.45) for y in (-0.3, 0.0, 0.3)])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from shipland.calibration_file import read_calibration
+from shipland.calibration_file import read_calibration, write_calibration
 from shipland.camera import Camera, level_from_camera
 from shipland.errors import DataError
 from shipland.messages import GimbalAttitude
@@ -104,19 +104,19 @@ class TestCalibrationFiles:
     @pytest.mark.parametrize("suffix", ["yaml", "yml", "xml", "json"])
     def test_round_trip(self, distorted, tmp_path, suffix):
         path = tmp_path / f"camera.{suffix}"
-        distorted.to_opencv_yaml(path)
-        read = Camera.from_opencv_yaml(path)
+        write_calibration(distorted, path)
+        read = read_calibration(path)
         assert (read.width_px, read.height_px) == (1280, 720)
         np.testing.assert_array_equal(read.matrix, distorted.matrix)  # OpenCV writes all 17 digits
         np.testing.assert_array_equal(read.distortion, distorted.distortion)
 
     def test_a_folder_that_is_not_there_is_refused_when_writing(self, camera, tmp_path):
         with pytest.raises(DataError, match="its folder does not exist"):
-            camera.to_opencv_yaml(tmp_path / "nowhere" / "camera.yaml")
+            write_calibration(camera, tmp_path / "nowhere" / "camera.yaml")
 
     def test_a_path_that_is_a_folder_is_refused_when_writing(self, camera, tmp_path):
         with pytest.raises(DataError, match="cannot be written"):
-            camera.to_opencv_yaml(tmp_path)
+            write_calibration(camera, tmp_path)
 
 
 MATRIX = "600., 0., 320., 0., 600., 240., 0., 0., 1."
@@ -187,7 +187,7 @@ class TestBadCalibrationFiles:
         path = tmp_path / "camera.yaml"
         path.write_text(text)
         with pytest.raises(DataError, match=fault) as caught:
-            Camera.from_opencv_yaml(path)
+            read_calibration(path)
         assert str(path) in str(caught.value)
         assert "\n" not in str(caught.value)
 
@@ -195,18 +195,18 @@ class TestBadCalibrationFiles:
         path = tmp_path / "camera.yaml"
         path.write_bytes(rng.bytes(2000))
         with pytest.raises(DataError, match=NOT_OPENCV):
-            Camera.from_opencv_yaml(path)
+            read_calibration(path)
 
     @pytest.mark.parametrize(("name", "words"), [("missing.yaml", "does not exist"), (".", "is a folder")])
     def test_missing_file_and_folder(self, tmp_path, name, words):
         with pytest.raises(DataError, match=words):
-            Camera.from_opencv_yaml(tmp_path / name)
+            read_calibration(tmp_path / name)
 
     @pytest.mark.parametrize("text", [calibration(), calibration(distortion="")])
     def test_the_file_these_are_made_from_is_good_also_without_distortion(self, tmp_path, text):
         path = tmp_path / "camera.yaml"
         path.write_text(text)
-        read = Camera.from_opencv_yaml(path)
+        read = read_calibration(path)
         assert (read.focal_px, read.has_distortion) == (600.0, False)
 
 
@@ -250,10 +250,10 @@ class TestFilesOfOthers:
             (calibration() + "distortion_model: equidistant\n", "distortion model equidistant"),
             (calibration() + "fisheye_model: 1\n", "distortion model fisheye"),
             ("<?xml version='1.0'?><opencv_storage><fisheye_model>1</fisheye_model></opencv_storage>", "fisheye"),
-            (ROS.replace("640", "wide"), "a whole size"),
-            (ROS.replace(", 0, 1]", "]"), "nine numbers"),
+            (ROS.replace("640", "wide"), "whole image_width"),
+            (ROS.replace(", 0, 1]", "]"), "camera_matrix has 7 numbers, expected 3 × 3"),
             (ROS.replace("600.5", "-600.5"), "positive focal lengths"),
-            (ROS.replace("[0.1, -0.25, 0.001, 0, 0]", "[]"), "distortion wants"),
+            (ROS.replace("[0.1, -0.25, 0.001, 0, 0]", "[]"), "distortion_coefficients has 0 numbers, expected 1 × 5"),
         ],
     )
     def test_others_are_refused_in_a_line_that_names_the_file(self, tmp_path, text, words):
@@ -276,38 +276,38 @@ class TestDigest:
     @pytest.mark.parametrize("name", ["camera.yaml", "camera.xml", "camera.json"])
     def test_a_number_that_was_changed_is_known(self, tmp_path, name):
         path = tmp_path / name
-        self.CAMERA.to_opencv_yaml(path)
-        assert Camera.from_opencv_yaml(path).digest == self.CAMERA.digest
+        write_calibration(self.CAMERA, path)
+        assert read_calibration(path).digest == self.CAMERA.digest
         text = path.read_text()
         for whole, changed in (("925.5", "955.5"), ("1280", "1288"), ("row_time_s", "row_tome_s"), ("-0.25", "-0.24")):
             path.write_text(text.replace(whole, changed))
             with pytest.raises(DataError, match=r"not have its digest; copy it again, or take out the line"):
-                Camera.from_opencv_yaml(path)
+                read_calibration(path)
 
     def test_edited_by_hand_without_its_digest_it_is_taken(self, tmp_path):
         path = tmp_path / "camera.yaml"
-        self.CAMERA.to_opencv_yaml(path)
+        write_calibration(self.CAMERA, path)
         kept = [line for line in path.read_text().splitlines() if not line.startswith("digest")]
         path.write_text("\n".join(kept).replace("925.5", "955.5"))
-        assert Camera.from_opencv_yaml(path).matrix[1, 1] == 955.5
+        assert read_calibration(path).matrix[1, 1] == 955.5
 
     def test_a_zero_byte_does_not_hide_what_comes_after_it(self, tmp_path):
         path = tmp_path / "camera.json"
-        self.CAMERA.to_opencv_yaml(path)
+        write_calibration(self.CAMERA, path)
         path.write_bytes(path.read_bytes().replace(b'   "distortion', b'\0  "distortion'))
         with pytest.raises(DataError, match="zero byte"):
-            Camera.from_opencv_yaml(path)
+            read_calibration(path)
 
     def test_with_one_bit_turned_it_is_refused_or_means_the_same(self, tmp_path, rng):
         path = tmp_path / "camera.yaml"
-        self.CAMERA.to_opencv_yaml(path)
+        write_calibration(self.CAMERA, path)
         whole, refused = path.read_bytes(), 0
         for _ in range(300):
             damaged = bytearray(whole)
             damaged[rng.integers(len(whole))] ^= 1 << int(rng.integers(8))
             path.write_bytes(damaged)
             try:
-                assert Camera.from_opencv_yaml(path).digest == self.CAMERA.digest
+                assert read_calibration(path).digest == self.CAMERA.digest
             except DataError:
                 refused += 1
         assert refused > 100

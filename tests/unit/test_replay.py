@@ -7,6 +7,7 @@ import pytest
 from made_up_flight import CAMERA, flight, write_log
 
 from pictures import write_film
+from shipland.calibration_file import write_calibration
 from shipland.camera import Camera
 from shipland.errors import ConfigError, DataError
 from shipland.messages import Intent, PilotCommand
@@ -62,7 +63,7 @@ def test_pictures_that_came_meanwhile_are_passed_over() -> None:
 def test_a_video_must_fit_its_calibration(tmp_path: Path) -> None:
     path = write_film(tmp_path / "film.mp4", [np.zeros((96, 160, 3), np.uint8)] * 5)
     calibration = tmp_path / "camera.yaml"
-    Camera.from_fov(160, 96, 69.0).to_opencv_yaml(calibration)
+    write_calibration(Camera.from_fov(160, 96, 69.0), calibration)
     vehicle = make_vehicle(f"replay://{path}?pitch_deg=-5", load_scenario("near"), calibration, None)
     vehicle.open()
     pair = vehicle.read()

@@ -128,6 +128,7 @@ class TestTargets:
             ("[[rig.quad]]\ncorners_m = []", "'quad' is called 'polygon' now"),
             ("[[quad]]\ncorners_m = []", r"'quad' stands in section \[rig\] now.*\[\[rig.polygon\]\]"),
             ("[[rig.polygon]]\ncorners_m = [[0, 0], [1, 0], [1, 1], [0]]", r"corners_m\[3\]: expected 2 values, got 1"),
+            ("[[rig.polygon]]\ncorners_m = [[0, 0], [1, 0], [1, 1]]", "a single triangle tells no pose"),
             ("[[rig.polygon]]\ncorners_m = [[0, 0], [0, 1], [1, 1], [1, 0]]", r"polygon\[0\]: corners_m must be"),
             (
                 "[[rig.polygon]]\ncorners_m = [[0, 0], [17.7, 0], [17.7, 6], [0, 6]]",

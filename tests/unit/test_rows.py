@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pictures import GREEN, GREY, Look, bar_picture, camera_from_bar, finish, paint, plain_canvas, project_plane
+from shipland.calibration_file import read_calibration, write_calibration
 from shipland.camera import Camera, CameraParameters
 from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude
@@ -104,16 +105,16 @@ def test_pictures_a_moment_apart_tell_no_motion(step_s):
 
 def test_row_time_is_kept_by_files_and_goes_with_the_size(tmp_path):
     path = tmp_path / "camera.yaml"
-    ROLLING.to_opencv_yaml(path)
-    assert Camera.from_opencv_yaml(path).row_time_s == pytest.approx(ROLLING.row_time_s, rel=1e-6)
+    write_calibration(ROLLING, path)
+    assert read_calibration(path).row_time_s == pytest.approx(ROLLING.row_time_s, rel=1e-6)
     assert ROLLING.scaled(640, 360).row_time_s == pytest.approx(2.0 * ROLLING.row_time_s)  # the same time a picture
-    GLOBAL.to_opencv_yaml(path)
-    assert Camera.from_opencv_yaml(path).row_time_s == 0.0
+    write_calibration(GLOBAL, path)
+    assert read_calibration(path).row_time_s == 0.0
 
 
 def test_a_row_time_in_microseconds_is_refused(tmp_path):
     path = tmp_path / "camera.yaml"
-    ROLLING.to_opencv_yaml(path)
+    write_calibration(ROLLING, path)
     path.write_text(path.read_text().replace("row_time_s: ", "row_time_s: 42. # "))
     with pytest.raises(DataError, match="row_time_s"):
-        Camera.from_opencv_yaml(path)
+        read_calibration(path)

@@ -17,6 +17,7 @@ from PIL import Image
 import shipland
 from pictures import Look, bar_picture, camera_from_bar, write_film
 from shipland import compiled
+from shipland.calibration_file import read_calibration, write_calibration
 from shipland.camera import Camera
 from shipland.commands.see import See
 from shipland.cue import Cue
@@ -50,7 +51,7 @@ def write(path, image):
 
 def see(*paths, cue=None, camera=None):
     cue = Rig().cue if cue is None else Cue.from_file(cue)
-    return list(see_paths(paths, cue, default_camera() if camera is None else Camera.from_opencv_yaml(camera)))
+    return list(see_paths(paths, cue, default_camera() if camera is None else read_calibration(camera)))
 
 
 def assert_found(result, tolerance_m=0.01):
@@ -74,7 +75,7 @@ def test_one_picture_in_python_is_the_commands_line(tmp_path, bar_image):
     assert repr(found) == f"<{result.to_line()}>"
     of_array = shipland.see(bar_image, cue=Rig().cue, camera=default_camera())
     assert of_array.to_json() == result.to_json() | {"file": "picture"}
-    default_camera().to_opencv_yaml(tmp_path / "camera.yaml")
+    write_calibration(default_camera(), tmp_path / "camera.yaml")
     assert shipland.see(bar_image, camera=tmp_path / "camera.yaml").to_json() == of_array.to_json()
     plates = Path(__file__).parents[2] / "examples" / "own_cue.toml"
     assert not shipland.see(bar_image, cue=plates).found
@@ -190,7 +191,7 @@ def log_of(folder, images):
 
 def test_another_calibration_and_another_target(tmp_path, bar_image, camera, rig):
     longer = Camera(1280, 720, camera.matrix * [[1.1], [1.1], [1.0]] + [[0, 0, -64.0], [0, 0, -36.0], [0, 0, 0]])
-    longer.to_opencv_yaml(tmp_path / "longer.yaml")
+    write_calibration(longer, tmp_path / "longer.yaml")
     cue = tmp_path / "double.toml"
     cue.write_text(
         "".join(f"[[rig.polygon]]\ncorners_m = {(2.0 * np.array(it.corners_m)).tolist()}\n" for it in rig.cue.polygon)
@@ -400,7 +401,7 @@ def taped(tmp_path_factory):
         lens = Camera(
             intrinsics["width"], intrinsics["height"], np.array(intrinsics["K"]), np.array(intrinsics["dist"])
         )
-        lens.to_opencv_yaml(folder / f"{name}.yaml")
+        write_calibration(lens, folder / f"{name}.yaml")
     targets = json.loads((PHOTOGRAPHS / "targets.json").read_text())
     for name in ("tape2019", "loading2020_outer", "peg2017"):
         quads = (INCH_M * np.array(targets[name])).reshape(-1, 4, 2).tolist()
@@ -539,7 +540,7 @@ def test_logs_of_different_cameras_are_not_looked_at_with_the_first_ones(tmp_pat
     with pytest.raises(DataError, match=f"{other} has another camera than {first}: look at them one by one"):
         See((first, other)).run()
     calibration = tmp_path / "camera.yaml"
-    default_camera().to_opencv_yaml(calibration)
+    write_calibration(default_camera(), calibration)
     assert See((first, other), calibration=calibration).run() == 0
 
 

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from shipland.calibration_file import write_calibration
 from shipland.camera import Camera
 from shipland.errors import DataError
 from shipland.frames import Array
@@ -191,7 +192,7 @@ def calibrate(paths: Sequence[Path], board: Board, out: Path) -> Calibration:
     if len(written) < 2 or any(item.count and item.path.resolve() in written for item in read):
         raise DataError(f"--out {out}: it and the coverage picture {coverage} would overwrite a picture; rename it")
     result = Calibration(*_fit_without_outliers(pictures), tuple(pictures))
-    result.camera.to_opencv_yaml(out)
+    write_calibration(result.camera, out)
     if not cv2.imwrite(str(coverage), coverage_picture(result)):
         raise DataError(f"coverage picture {coverage} cannot be written")
     return result

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from shipland.calibration_file import PINHOLE
 from shipland.camera import Camera
 from shipland.errors import DataError
 from shipland.vehicles.ros2.conversions import header
@@ -36,8 +37,10 @@ def camera_of(info: Message, topic: str = "") -> Camera:
         DataError: it is not calibrated, or of a model that OpenCV's pinhole has not.
     """
     rectified = any(part.startswith("image_rect") for part in topic.split("/"))
-    if not rectified and info.distortion_model not in ("", "plumb_bob", "rational_polynomial"):
-        raise DataError(f"camera_info: distortion model {info.distortion_model!r}; expected plumb_bob")
+    if not rectified and info.distortion_model not in ("", *PINHOLE):
+        raise DataError(
+            f"camera_info: distortion model {info.distortion_model!r}; expected one of {', '.join(PINHOLE)}"
+        )
     matrix = np.array(info.p, float).reshape(3, 4)[:, :3] if rectified else np.array(info.k, float).reshape(3, 3)
     if not matrix.any():
         name = "P" if rectified else "K"
