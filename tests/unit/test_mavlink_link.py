@@ -116,6 +116,42 @@ def test_times_of_messages_are_on_our_clock_and_jitter_is_not_in_them() -> None:
     assert telemetry.height_m is None
 
 
+def test_one_message_stamped_ahead_is_no_restart_and_times_stay() -> None:
+    made = heard_session()
+    for index in range(100):
+        if index == 50:
+            feed(made, attitude(900_000), 100.99)
+            assert made.state.attitude_t_s == pytest.approx(100.99)
+        feed(made, attitude(5000 + 20 * index), 100.0 + 0.02 * index)
+        assert made.state.attitude_t_s == pytest.approx(100.0 + 0.02 * index)
+    assert made.state.clock.restarts == 0
+
+
+def test_a_clock_that_leapt_ahead_is_followed_from_the_third_message_on() -> None:
+    """As after this computer was suspended, or on a link that was late by over a second."""
+    made = heard_session()
+    for index in range(10):
+        feed(made, attitude(5000 + 20 * index), 100.0 + 0.02 * index)
+    for index in range(10):
+        feed(made, attitude(65_000 + 20 * index), 100.3 + 0.02 * index + 0.01 * (index == 9))
+    assert made.state.attitude_t_s == pytest.approx(100.48)
+    assert made.state.clock.restarts == 0
+
+
+def test_a_receiver_that_tells_no_channels_any_more_is_an_alert_and_one_that_never_did_is_none() -> None:
+    made = heard_session()
+    none, sticks = (m.MAVLink_rc_channels_message(10, count, *[us] * 18, 255) for count, us in ((0, 65535), (8, 1500)))
+    for message, sticks_us, words in (
+        (none, 0, ""),
+        (sticks, 4, ""),
+        (none, 0, "the receiver is in failsafe"),
+        (none, 0, "the receiver is in failsafe"),
+        (sticks, 4, ""),
+    ):
+        feed(made, message, 100.1)
+        assert (len(made.state.sticks_us), made.state.alerts["receiver"][1]) == (sticks_us, words)
+
+
 def mount(boot_ms: int, pitch_rad: float, device: int = 0) -> object:
     q = [math.cos(0.5 * pitch_rad), 0.0, math.sin(0.5 * pitch_rad), 0.0]
     return m.MAVLink_gimbal_device_attitude_status_message(0, 0, boot_ms, 0, q, 0, 0, 0, 0, gimbal_device_id=device)

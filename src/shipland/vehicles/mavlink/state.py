@@ -25,7 +25,8 @@ _FORWARD = (
 _REBOOT_S = 1.0
 """The autopilot's clock went back by so much: it has restarted."""
 _ODD = 3
-"""Messages by an earlier clock within `_WINDOW_S`: a restart, or two vehicles with one id. One alone may be late."""
+"""Messages by another clock within `_WINDOW_S`: a restart, two vehicles with one id, or a link that was late. One alone
+changes nothing."""
 _WINDOW_S = 1.0
 """Window in which the clocks' difference counts as constant; short, as a simulated vehicle's clock may run slow."""
 _LONGEST_TRIP_S = 2.0
@@ -63,8 +64,8 @@ class Clock:
         offset_s: our clock minus it and the quickest message's travel time, of the last while.
         next_offset_s, window_s: the same of the while that has begun, and when that was.
         restarts: how often it restarted.
-        odd, odd_s: how many messages of late it seems to have gone back by, as those of another vehicle with the same
-            id; and when the newest came.
+        odd, odd_s: how many messages of late it seems to have gone back or ahead by, as those of another vehicle with
+            the same id; and when the newest came.
     """
 
     boot_s: float = math.nan
@@ -79,11 +80,12 @@ class Clock:
         """The clock moved on, and when a message was sent, on ours, but for the quickest one's travel time."""
         boot_s, known = 1e-3 * boot_ms, self
         offset_s = received_s - boot_s
-        if boot_s < self.boot_s - _REBOOT_S:
+        back, ahead = boot_s < self.boot_s - _REBOOT_S, offset_s < self.offset_s - _REBOOT_S < math.inf
+        if back or ahead:
             odd = self.odd + 1 if received_s - self.odd_s < _WINDOW_S else 1
             if odd < _ODD:
                 return replace(self, odd=odd, odd_s=received_s), received_s
-            known = Clock(boot_s, restarts=self.restarts + 1)
+            known = Clock(boot_s, restarts=self.restarts + back)
         known_s, next_s, window_s = known.offset_s, known.next_offset_s, known.window_s
         if received_s - window_s > _WINDOW_S:  # the clocks run apart, or a simulated one falls behind
             known_s, next_s, window_s = min(next_s, offset_s), math.inf, received_s
@@ -312,7 +314,8 @@ def _receiver(state: AutopilotState, it: Message, received_s: float) -> Autopilo
     least_us = told.get("FS_THR_VALUE", _LEAST_THROTTLE_US) if told.get("FS_THR_ENABLE") else _LEAST_THROTTLE_US
     within = all(_PULSES_US[0] <= stick <= _PULSES_US[1] for stick in sticks)
     moved_by_hand = reported and within and sticks[2] >= least_us
-    words = "the receiver is in failsafe" if reported and not moved_by_hand else ""
+    heard = reported or state.sticks_us or state.alerts.get("receiver", (0.0, ""))[1]
+    words = "the receiver is in failsafe" if heard and not moved_by_hand else ""
     state = _alerted(state, "receiver", received_s, words)
     return replace(state, sticks_t_s=received_s, sticks_us=sticks if moved_by_hand else ())
 
