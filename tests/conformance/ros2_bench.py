@@ -64,6 +64,7 @@ class Drone:
         self.mode = "GUIDED"
         self.silent = self.frozen = False
         self.stamp_off_s = stamp_off_s
+        self.camera = CAMERA
         self.wanted = HOLD
         self.tilts = self.landing = False
         self.stamp_s, self.holds_s = 0.0, list[float]()
@@ -141,7 +142,7 @@ class Drone:
         )
         self._gimbal.send(ros.gimbal_message(GimbalAttitude(0.0, -0.1), now_s))
         self._battery.send(message("sensor_msgs/msg/BatteryState", percentage=0.8))
-        self._info.send(images.camera_info(CAMERA, now_s, "camera_optical"))
+        self._info.send(images.camera_info(self.camera, now_s, "camera_optical"))
         if not self.frozen:
             picture = self._noise.integers(80, 100, (CAMERA.height_px, CAMERA.width_px, 3), np.uint8)
             self._image.send(images.image_message(picture, now_s - 0.02, "camera_optical"))

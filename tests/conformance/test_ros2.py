@@ -20,6 +20,7 @@ pytest.importorskip("cyclonedds", reason="the extra ros2")
 from ros2_bench import CAMERA, Drone, bench, own_domain
 
 from ports import free_port
+from shipland.camera import Camera
 from shipland.errors import VehicleError
 from shipland.messages import (
     BarPose,
@@ -137,6 +138,41 @@ def test_an_autopilot_that_the_bridge_finds_again_is_not_handed_over() -> None:
             vehicle.open()
 
 
+def states(*told: tuple[str, bool]) -> Iterator[Any]:
+    """mavros's, of modes and whether it is connected to the autopilot; where it is not it names none."""
+    for mode, connected in told:
+        yield message("mavros_msgs/msg/State", mode=mode, armed=bool(mode), guided=bool(mode), connected=connected)
+
+
+def test_an_autopilot_that_was_lost_when_the_wait_began_is_not_handed_over() -> None:
+    heard = Heard("velocity")
+    lost, found, chosen = (("GUIDED", True), ("", False)), [("GUIDED", True)], [("POSCTL", True), ("GUIDED", True)]
+    for state in states(*lost):
+        heard.take_state(state)
+    heard.expect(asked=False)
+    for told, given in ((found, False), (chosen, True)):
+        for state in states(*told):
+            heard.take_state(state)
+        assert heard.given is given
+
+
+def test_an_autopilot_that_its_bridge_finds_at_last_is_not_handed_over() -> None:
+    """A bridge that comes first says: not connected, no mode."""
+    heard = Heard("velocity")
+    heard.expect(asked=False)
+    for state in states(("", False), ("GUIDED", True)):
+        heard.take_state(state)
+    assert not heard.given
+
+
+def test_an_autopilot_that_the_bridge_has_lost_is_not_taken_whatever_it_still_says_of_it() -> None:
+    heard = Heard("velocity")
+    heard.expect(asked=True)
+    for state in states(("GUIDED", True), ("GUIDED", False)):
+        heard.take_state(state)
+    assert not heard.begin(called=False)
+
+
 def test_a_mode_that_is_chosen_once_we_wait_is_a_hand_over() -> None:
     with bench(take=False) as (vehicle, drone):
         vehicle.connect()
@@ -217,6 +253,29 @@ def test_odometry_that_comes_late_is_old_and_another_clocks_is_not() -> None:
     for heard, age_s in ((synchronised, 1.5), (foreign, 0.0)):
         heard.take_odometry(odometry_of(told, time.time() - 1.5))
         assert time.monotonic() - heard.telemetry_at(0.0).velocity_t_s == pytest.approx(age_s, abs=0.05)
+
+
+@pytest.mark.parametrize("stamp_s", [0.0, 1e9])
+def test_a_mount_of_another_clock_is_believed_beside_odometry_of_ours(stamp_s: float) -> None:
+    told = Telemetry(0.0, 0.0, 0.0, 0.0, 5.0, np.zeros(3), None, None, flying=True)
+    heard = Heard("velocity")
+    heard.take_odometry(odometry_of(told, time.time()))
+    heard.take_gimbal(gimbal_message(GimbalAttitude(0.0, -0.2), stamp_s))
+    _, age_s = heard.gimbal_at(time.monotonic(), None)
+    assert age_s == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize("fixed_pitch_rad", [None, 0.0])
+def test_the_cameras_attitude_is_that_of_its_exposure_in_whatever_order_readings_come(
+    fixed_pitch_rad: float | None,
+) -> None:
+    heard, now_s = Heard("velocity"), time.time()
+    for age_s, pitch_rad in ((0.10, 0.1), (0.02, 0.1), (0.20, -1.0)):
+        told = Telemetry(0.0, 0.0, pitch_rad, 0.0, 5.0, np.zeros(3), None, None, flying=True)
+        heard.take_gimbal(gimbal_message(GimbalAttitude(0.0, pitch_rad), now_s - age_s))
+        heard.take_odometry(odometry_of(told, now_s - age_s))
+    at, _ = heard.gimbal_at(time.monotonic() - (time.time() - now_s) - 0.06, fixed_pitch_rad)
+    assert at.pitch_rad == pytest.approx(0.1)
 
 
 def test_a_camera_that_looks_aside_says_so() -> None:
@@ -449,6 +508,63 @@ def test_silence_and_pictures_that_stop_end_the_flight(timeout: str, what: str, 
         assert vehicle.end_reason.startswith(reason)
 
 
+def test_pictures_are_not_looked_at_once_camera_info_says_another_lens() -> None:
+    """A zoom by two shows the cue at half its distance."""
+    with bench(video_timeout_s=1.0) as (vehicle, drone):
+        vehicle.open()
+        assert vehicle.read() is not None
+        drone.camera = Camera.from_fov(CAMERA.width_px, CAMERA.height_px, 30.0)
+        assert until(lambda: vehicle.read() is None)
+        assert vehicle.end_reason.startswith("video lost: /drone/camera/camera_info is not what it was")
+
+
+@pytest.mark.parametrize("kind", ["velocity", "attitude"])
+@pytest.mark.parametrize("silent", ["the vehicle", "the autopilot"])
+def test_a_vehicle_that_is_heard_no_more_is_left_holding(kind: str, silent: str) -> None:
+    """It may still hear."""
+    with flying(f"&kind={kind}", link_timeout_s=0.5) as (vehicle, drone):
+        if silent == "the vehicle":
+            drone.silent = True
+        else:
+            drone.connected = drone.armed = drone.guided = False
+            drone.mode = ""
+        assert until(lambda: vehicle.end_reason.startswith("link lost"))
+        assert until(lambda: drone.wanted.hold)
+        drone.connected = drone.armed = drone.guided = True
+        drone.silent, drone.mode = False, "POSCTL"  # and the pilot has it
+        assert until(lambda: vehicle._heard.mode == "POSCTL")
+        turns = len(vehicle.late_s)
+        assert until(lambda: len(vehicle.late_s) > turns + 5)  # what was on its way has come
+        held = len(drone.holds_s)
+        vehicle.close()
+        assert len(drone.holds_s) == held
+        assert vehicle.end_reason.startswith("link lost")
+
+
+def test_the_pilots_takeover_stays_the_reason_whoever_calls_off_the_landing_then() -> None:
+    with flying() as (vehicle, drone):
+        land = drone.node.publisher("shipland/land", "std_msgs/msg/Bool")
+        assert until(lambda: land.heard)
+        drone.mode = "POSCTL"
+        assert until(lambda: bool(vehicle.end_reason))
+        ask(land, wanted=False)
+        assert until(lambda: vehicle._heard.land is False)
+        turns = len(vehicle.late_s)
+        assert until(lambda: len(vehicle.late_s) > turns + 3)
+        assert vehicle.end_reason == "the pilot took over: POSCTL"
+
+
+def test_a_vehicle_that_was_given_and_fell_silent_is_not_taken() -> None:
+    heard = Heard("velocity")
+    heard.expect(asked=True)
+    for state in states(("GUIDED", True)):
+        heard.take_state(state)
+    assert heard.given
+    heard._state_s -= 60.0
+    assert not heard.begin(called=False)
+    assert heard.hand_over_words == "switch to GUIDED or OFFBOARD to hand over (it is unknown)"
+
+
 def test_stamps_of_another_clock_are_refused_unless_the_latency_is_stated() -> None:
     refused = pytest.raises(VehicleError, match=r"\+30.*synchronise the clocks")
     with bench(stamp_off_s=-30.0) as (vehicle, _), refused:
@@ -548,6 +664,17 @@ def test_a_closed_node_tells_nobody_who_comes_later_what_it_had_told() -> None:
     finally:
         one.close()
         other.close()
+
+
+def test_a_closed_node_is_not_found_listening() -> None:
+    """`examples/ros2_land.py` answers a call by whether anybody listens."""
+    domain, kind = own_domain(), "std_msgs/msg/Bool"
+    with closing(Node(domain, local=True)) as other, closing(Node(domain, local=True)) as node:
+        node.subscribe("shipland/land", kind, lambda _: None, reliable=True)
+        land = other.publisher("shipland/land", kind)
+        assert until(lambda: land.heard)
+        node.close()
+        assert until(lambda: not land.heard)
 
 
 def test_looking_without_flying_commands_nothing() -> None:

@@ -63,6 +63,21 @@ def test_odometry_that_says_it_is_of_other_axes_is_refused(frame: str, child: st
         ros.with_odometry(NOTHING, told, 1.0)
 
 
+def test_odometry_whose_twist_is_not_the_bodys_is_refused() -> None:
+    """The twist is of child_frame_id, by the message's definition; turned by the heading it would be flown away."""
+    told = ros.odometry_of(Telemetry(0.0, 0.1, 0.2, 0.3, 10.0, np.zeros(3), None, None, flying=True), 0.0)
+    told.child_frame_id = told.header.frame_id
+    with pytest.raises(DataError, match="child_frame_id is odom"):
+        ros.with_odometry(NOTHING, told, 1.0)
+
+
+def test_a_cameras_attitude_of_other_axes_is_refused() -> None:
+    told = ros.gimbal_message(GimbalAttitude(0.0, -0.3), 1.0)
+    told.header.frame_id = "base_level_frd"
+    with pytest.raises(DataError, match="attitude is in base_level_frd"):
+        ros.gimbal_of(told)
+
+
 def test_a_missing_extra_is_said_where_the_address_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
     """Before the rehearsal, not after it."""
     there = extras.find_spec
@@ -189,6 +204,10 @@ def test_pictures_that_cannot_be_read_say_why() -> None:
         images.image_of(whole)
     with pytest.raises(DataError, match="cannot be decoded"):
         images.image_of(message("sensor_msgs/msg/CompressedImage", format="jpeg", data=np.ones(9, np.uint8)))
+    with pytest.raises(DataError, match="cannot be decoded"):
+        images.image_of(message("sensor_msgs/msg/CompressedImage", format="jpeg"))
+    with pytest.raises(DataError, match="0 × 0 px"):
+        images.image_of(message("sensor_msgs/msg/Image", encoding="rgb8"))
 
 
 @pytest.mark.parametrize("distortion", [np.zeros(5), np.array([-0.1, 0.02, 1e-3, 0.0]), np.arange(8) * 1e-3])
@@ -248,10 +267,21 @@ def test_topics_lie_below_the_vehicle_unless_they_are_renamed() -> None:
     assert topics["odom"] == "drone/odom"
 
 
+@pytest.mark.parametrize(
+    ("namespace", "renamed"), [("my-drone", {}), ("my drone", {}), ("a//b", {}), ("1st", {}), ("drone", {"odom": ""})]
+)
+def test_a_topic_that_ros_2_could_not_have_is_said(namespace: str, renamed: dict[str, str]) -> None:
+    with pytest.raises(ConfigError, match="is no ROS 2 topic"):
+        vehicle_topics(namespace, renamed)
+    assert vehicle_topics("/fleet/drone_1/", {})["state"] == "fleet/drone_1/state"
+
+
 def test_the_domain_is_ros_2s_own(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
     assert domain_id(None) == 7
     assert domain_id(3.0) == 3
+    monkeypatch.setenv("ROS_DOMAIN_ID", "")
+    assert domain_id(None) == 0
     monkeypatch.setenv("ROS_DOMAIN_ID", "seven")
     with pytest.raises(ConfigError, match="0 to 232"):
         domain_id(None)

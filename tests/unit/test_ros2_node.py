@@ -61,6 +61,36 @@ def test_a_set_point_that_is_no_number_leaves_the_one_before() -> None:
     assert orders.command(1.0).pitch_percent > 0.0
 
 
+def test_of_two_topics_the_set_point_that_was_sent_later_is_flown() -> None:
+    """A flight ends with a hold on another topic than its attitudes'; a clock set back is followed after a while."""
+    orders, tilt = SetPoints(ANAFI_LIKE, 0.0), Wanted(0.1, 0.0, 0.0, 0.0)
+    orders.take_velocity(ros.velocity_message(HOLD, 10.0))
+    orders.take_attitude(ros.attitude_message(tilt, 0.0, 1.0, 9.97))
+    assert orders.command(1.0).intent is Intent.HOLD
+    assert orders._newest is not None
+    hold, heard_s, stamp_s = orders._newest
+    orders._newest = hold, heard_s - 2.0, stamp_s
+    orders.take_attitude(ros.attitude_message(tilt, 0.0, 1.0, 9.97))
+    assert orders.command(1.0).intent is Intent.FLY
+
+
+def test_what_is_latched_in_flight_is_played_latched(tmp_path: Path) -> None:
+    """By `ros2 bag play`; tf2 hears no /tf_static that is not."""
+    from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosReliability
+    from rosbags.rosbag2 import Reader
+
+    write_bag(write_log(tmp_path / "flight.mcap", flight(from_s=20.0, to_s=20.1)), tmp_path / "bag")
+    latched = set()
+    with Reader(tmp_path / "bag") as reader:
+        for connection in reader.connections:
+            assert isinstance(connection.ext, ConnectionExtRosbag2)
+            for quality in connection.ext.offered_qos_profiles:
+                assert quality.reliability is QosReliability.RELIABLE
+                assert quality.durability is QosDurability.TRANSIENT_LOCAL
+                latched.add(connection.topic)
+    assert latched == {"/tf_static", "/shipland/result"}
+
+
 def test_a_log_becomes_a_bag_that_rosbags_reads(tmp_path: Path) -> None:
     from rosbags.highlevel import AnyReader
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from shipland.errors import ConfigError, DataError
 from shipland.record.foxglove_scene import nanoseconds
@@ -16,6 +16,9 @@ from shipland.vehicles.ros2.setup import OUR_TOPICS, vehicle_topics
 from shipland.vehicles.ros2.telling import Outlet, Telling
 from shipland.vehicles.ros2.types import cdr_of, store
 from shipland.vision.log_pictures import read_pictures
+
+if TYPE_CHECKING:
+    from rosbags.interfaces import Qos
 
 _OPTICAL = "camera_optical"
 _NO_PICTURE = (2**63, None)
@@ -29,8 +32,10 @@ class _Bag:
     writer: Any
     time_ns: int = 0
 
-    def publisher(self, topic: str, kind: str, *, latched: bool = False) -> Outlet:  # noqa: ARG002
-        return _Topic(self, self.writer.add_connection(f"/{topic}", kind, typestore=store()))
+    def publisher(self, topic: str, kind: str, *, latched: bool = False) -> Outlet:
+        offered = [_latched()] if latched else []
+        connection = self.writer.add_connection(f"/{topic}", kind, typestore=store(), offered_qos_profiles=offered)
+        return _Topic(self, connection)
 
 
 @dataclass
@@ -42,11 +47,29 @@ class _Topic:
         self.bag.writer.write(self.connection, self.bag.time_ns, cdr_of(sent))
 
 
+def _latched() -> Qos:
+    """As a player must offer what is kept for those who come later: tf2 hears no other /tf_static."""
+    from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+
+    unbounded = QosTime(0, 0)
+    return Qos(
+        history=QosHistory.KEEP_LAST,
+        depth=1,
+        reliability=QosReliability.RELIABLE,
+        durability=QosDurability.TRANSIENT_LOCAL,
+        deadline=unbounded,
+        lifespan=unbounded,
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=unbounded,
+        avoid_ros_namespace_conventions=False,
+    )
+
+
 def write_bag(log_path: Path, folder: Path, namespace: str = "drone") -> dict[str, int]:
     """Write a flight log as a bag (rosbag2, version 8, storage MCAP) for `ros2 bag`; how many messages of each topic.
 
-    DataError where the log cannot be read, ConfigError where the folder is there or cannot be made, VehicleError
-    without the extra `ros2`.
+    DataError where the log cannot be read, ConfigError where the folder is there or the namespace is none, OSError
+    where the folder cannot be made, VehicleError without the extra `ros2`.
     """
     store()
     from rosbags.rosbag2 import StoragePlugin, Writer

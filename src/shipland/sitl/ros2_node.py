@@ -23,6 +23,7 @@ from shipland.vehicles.ros2.conversions import (
     gimbal_of,
     header,
     odometry_of,
+    seconds,
     transform,
     wanted_attitude,
     wanted_velocity,
@@ -51,7 +52,8 @@ class SetPoints:
 
     def __init__(self, response: Response, gimbal_rad: float) -> None:
         self._response, self._gimbal_rad = response, gimbal_rad
-        self._newest: tuple[Wanted, float] | None = None
+        self._newest: tuple[Wanted, float, float] | None = None
+        """With its receipt, and its sender's stamp [s]."""
         self._landing = False
         self.heard_s: list[float] = []
         """When each came [s]."""
@@ -61,12 +63,12 @@ class SetPoints:
     def take_velocity(self, command: Message) -> None:
         """geometry_msgs/TwistStamped; only a hold is flown by an aircraft that flies tilts."""
         refusal = "velocities come, and this aircraft flies tilts: --set aircraft.loop.kind=velocity"
-        self._take(wanted_velocity(command), "velocity", refusal)
+        self._take(command, wanted_velocity(command), "velocity", refusal)
 
     def take_attitude(self, command: Message) -> None:
         """mavros_msgs/AttitudeTarget."""
         refusal = "attitudes come, and this aircraft flies velocities: ros2://…?kind=velocity"
-        self._take(wanted_attitude(command, self._response.max_climb_mps), "attitude", refusal)
+        self._take(command, wanted_attitude(command, self._response.max_climb_mps), "attitude", refusal)
 
     def take_gimbal(self, command: Message) -> None:
         """geometry_msgs/QuaternionStamped."""
@@ -85,22 +87,27 @@ class SetPoints:
 
     def command(self, t_s: float) -> PilotCommand:
         """What is to be flown now, on the vehicle's clock."""
-        newest = self._newest
-        fresh = newest is not None and time.monotonic() - newest[1] <= _STALE_S
-        wanted = newest[0] if newest is not None and fresh else HOLD
+        newest = self._fresh(time.monotonic())
+        wanted = HOLD if newest is None else newest[0]
         if wanted.hold:
             return PilotCommand.hold(t_s, self._gimbal_rad)
         intent = Intent.LAND if self._landing else Intent.FLY
         return PilotCommand(t_s, *percents_of(wanted, self._response), self._gimbal_rad, intent)
 
-    def _take(self, wanted: Wanted | None, kind: str, refusal: str) -> None:
-        if wanted is None:
+    def _fresh(self, now_s: float) -> tuple[Wanted, float, float] | None:
+        newest = self._newest
+        return newest if newest is not None and now_s - newest[1] <= _STALE_S else None
+
+    def _take(self, command: Message, wanted: Wanted | None, kind: str, refusal: str) -> None:
+        """Of two topics in their sender's order."""
+        now_s, stamp_s = time.monotonic(), seconds(command.header.stamp)
+        fresh = self._fresh(now_s)
+        if wanted is None or (fresh is not None and stamp_s < fresh[2]):
             return
         if kind != self._response.kind and not wanted.hold:
             self.refused, wanted = refusal, HOLD
-        now_s = time.monotonic()
         self.heard_s.append(now_s)
-        self._newest = wanted, now_s
+        self._newest = wanted, now_s, stamp_s
 
 
 class VehicleTopics:

@@ -7,22 +7,19 @@ import time
 from shipland.vehicles.camera_stream import CameraStream
 from shipland.vehicles.checks import Check, battery_check, limits_text, telemetry_check
 from shipland.vehicles.ros2.setup import Ros2Setup
-from shipland.vehicles.ros2.state import Heard
-
-_SILENT_S = 2.0
-"""A state that came longer ago is not the present one."""
+from shipland.vehicles.ros2.state import SILENT_S, Heard
 
 
 def ros2_checks(heard: Heard, stream: CameraStream, setup: Ros2Setup) -> list[Check]:
     """What is known after a few seconds of listening."""
     wanted, topics, now_s = setup.preflight, setup.topics, time.monotonic()
-    telemetry, silent_s = heard.telemetry_at(now_s), now_s - heard.state_s
+    telemetry, silent = heard.telemetry_at(now_s), heard.silent_s > SILENT_S
     stated = "" if setup.latency_s is None else f", {setup.latency_s:g} s of it stated"
     lines = [
         Check(
-            "state", silent_s <= _SILENT_S,
-            f"/{topics['state']}: mode {heard.mode}, {'armed' if telemetry.flying else 'not armed'}"
-            if silent_s <= _SILENT_S else f"/{topics['state']} (mavros_msgs/State) has not come",
+            "state", not silent,
+            f"/{topics['state']} (mavros_msgs/State) has not come"
+            if silent else f"/{topics['state']}: mode {heard.mode}, {'armed' if telemetry.flying else 'not armed'}",
         ),
         telemetry_check(heard.attitude_hz, wanted.telemetry_hz, f"/{topics['odom']}: attitude "),
         Check(

@@ -104,6 +104,12 @@ def flu(pose: Pose) -> Pose:
     return Pose(FLU_FROM_FRD @ pose.rotation @ FLU_FROM_FRD, FLU_FROM_FRD @ pose.translation_m)
 
 
+def _refuse_other_axes(what: str, *frames: str) -> None:
+    """DataError where frame ids have REP-103's suffixes of other axes, in which signs are mirrored."""
+    if any(frame.endswith(("_ned", "_frd")) for frame in frames):
+        raise DataError(f"{what} is in {', '.join(frames)}; expected east-north-up and forward-left-up")
+
+
 # Telemetry
 
 
@@ -148,11 +154,12 @@ def with_odometry(before: Telemetry, odometry: Message, t_s: float) -> Telemetry
         t_s: when it was true, on the loop's clock.
 
     Raises:
-        DataError: its frames say that it is of other axes.
+        DataError: its frames say that it is of other axes, or the twist of the world's.
     """
-    frames = odometry.header.frame_id, odometry.child_frame_id
-    if any(frame.endswith(("_ned", "_frd")) for frame in frames):
-        raise DataError(f"odometry is in {', '.join(frames)}; expected east-north-up and forward-left-up")
+    world, body = odometry.header.frame_id, odometry.child_frame_id
+    _refuse_other_axes("odometry", world, body)
+    if world and world == body:
+        raise DataError(f"odometry's child_frame_id is {body}, the pose's own frame; expected the body's, of the twist")
     enu_from_flu, height_m = _rotation(odometry.pose.pose.orientation), float(odometry.pose.pose.position.z)
     linear = odometry.twist.twist.linear
     velocity_mps = FLU_FROM_FRD @ np.array([linear.x, linear.y, linear.z], dtype=float)
@@ -179,7 +186,8 @@ def gimbal_message(gimbal: GimbalAttitude, t_s: float) -> Message:
 
 
 def gimbal_of(attitude: Message) -> GimbalAttitude | None:
-    """The inverse of `gimbal_message`; None where it is not finite."""
+    """The inverse of `gimbal_message`; None where it is not finite, DataError where its frame is of other axes."""
+    _refuse_other_axes("the camera's attitude", attitude.header.frame_id)
     rotation = _rotation(attitude.quaternion)
     if rotation is None:
         return None

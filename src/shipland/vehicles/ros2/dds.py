@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from shipland.errors import ConfigError, VehicleError
 from shipland.extras import require
 from shipland.soundness import is_new, words_of
-from shipland.vehicles.ros2.types import cdr_of, message_of, store, type_hash
+from shipland.vehicles.ros2.types import PRIMITIVES, cdr_of, message_of, store, type_hash
 
 if TYPE_CHECKING:
     from cyclonedds.domain import DomainParticipant
@@ -48,7 +48,7 @@ _PARTICIPANTS = 32
 
 def domain_id(given: float | None) -> int:
     """The domain: given, else ROS_DOMAIN_ID, else 0; ConfigError when it is none."""
-    text = os.environ.get("ROS_DOMAIN_ID", "0") if given is None else f"{given:g}"
+    text = os.environ.get("ROS_DOMAIN_ID") or "0" if given is None else f"{given:g}"
     if not text.isdecimal() or not 0 <= int(text) <= 232:
         raise ConfigError(f"ROS domain {text}: expected 0 to 232 (?domain= of the address, or ROS_DOMAIN_ID)")
     return int(text)
@@ -130,7 +130,7 @@ class Node:
             self._participant: DomainParticipant = DomainParticipant(domain, qos=Qos(Policy.Userdata(b"enclave=/;")))
         except DDSException as error:
             raise VehicleError(f"DDS cannot be opened in domain {domain}: {error}") from None
-        self._waiting = WaitSet(self._participant)
+        self._waiting: Any = WaitSet(self._participant)
         self._readers: list[tuple[DataReader[Any], str, Callable[[Any], None]]] = []
         self._publishers: list[Publisher] = []
         self._closed = threading.Event()
@@ -174,13 +174,14 @@ class Node:
             self._waiting.attach(ReadCondition(reader, SampleState.Any | ViewState.Any | InstanceState.Any))
 
     def close(self) -> None:
-        """End; nothing is handed over or sent after this, and nothing is kept for those who come later."""
+        """End: nothing is handed over or sent after this, nobody finds us listening, nothing is kept for later."""
         self._closed.set()
         if self._thread is not threading.current_thread():
             self._thread.join(2.0)
         for publisher in self._publishers:
             publisher.close()
         self._readers.clear()
+        self._waiting = None  # it holds the readers too
 
     def _topic(self, topic: str, kind: str) -> tuple[Any, Any]:
         from cyclonedds.topic import Topic
@@ -189,8 +190,9 @@ class Node:
         return Topic(self._participant, f"rt/{topic.strip('/')}", data), data
 
     def _receive(self) -> None:
+        waiting = self._waiting
         while not self._closed.is_set():
-            self._waiting.wait(_WOKEN_NS)
+            waiting.wait(_WOKEN_NS)
             for reader, kind, take in list(self._readers):
                 for data in self._taken(reader):
                     if self._closed.is_set():
@@ -232,10 +234,6 @@ def _domain(number: int, text: str) -> object:
     return Domain(number, text)
 
 
-_PRIMITIVES = {"byte": "uint8", "char": "uint8"}
-"""ROS 2's names for which IDL has another."""
-
-
 @lru_cache
 def _raw(kind: str) -> Any:  # noqa: ANN401
     """The DDS type of a ROS 2 type: its name and description, while samples carry the bytes as they are."""
@@ -272,7 +270,7 @@ def _field(node: Any, what: Any) -> Any:  # noqa: ANN401
     if node is Nodetype.NAME:
         return _idl_of(what)
     if node is Nodetype.BASE:
-        name = _PRIMITIVES.get(what[0], what[0])
+        name = PRIMITIVES.get(what[0], what[0])
         return {"string": str, "bool": bool}.get(name) or getattr(types, name)
     inner, count = what
     return types.array[_field(*inner), count] if node is Nodetype.ARRAY else types.sequence[_field(*inner)]

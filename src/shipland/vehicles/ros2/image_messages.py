@@ -82,14 +82,16 @@ _CHANNELS = {"bgr8": (3, None), "rgb8": (3, cv2.COLOR_RGB2BGR), "mono8": (1, cv2
 def image_of(picture: Message) -> npt.NDArray[np.uint8]:
     """(H,W,3) BGR of an Image or a CompressedImage; DataError when it is neither whole nor of a known encoding."""
     if picture.__msgtype__ == "sensor_msgs/msg/CompressedImage":
-        decoded = cv2.imdecode(np.frombuffer(picture.data, np.uint8), cv2.IMREAD_COLOR)
+        data = np.frombuffer(picture.data, np.uint8)
+        decoded = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
         if decoded is None:
             raise DataError(f"a compressed picture ({picture.format!r}) cannot be decoded")
         return np.asarray(decoded, np.uint8)
     if picture.encoding not in _CHANNELS:
         raise DataError(f"pictures are {picture.encoding!r}; expected one of {', '.join(_CHANNELS)}")
     channels, conversion = _CHANNELS[picture.encoding]
-    if picture.step < picture.width * channels or len(picture.data) < picture.step * picture.height:
+    least_step_b = max(picture.width, 1) * channels
+    if picture.step < least_step_b or len(picture.data) < picture.step * max(picture.height, 1):
         raise DataError(f"a picture of {picture.width} × {picture.height} px came with {len(picture.data)} bytes")
     rows = np.asarray(picture.data, np.uint8)[: picture.step * picture.height].reshape(picture.height, picture.step)
     pixels = rows[:, : picture.width * channels].reshape(picture.height, picture.width, channels)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -17,6 +18,8 @@ from shipland.vehicles.ros2.types import Message
 _OLDEST_S, _AHEAD_S = 1.0, 0.05
 """A stamp that is older, or further ahead, is of another clock than ours."""
 _WOKEN_S = 0.2
+_REFUSED_S = 2.0
+"""Pictures whose stamps are all refused for so long are said to be."""
 
 
 def image_kind(topic: str) -> str:
@@ -34,7 +37,7 @@ class TopicPictures(PictureSource):
     """A `PictureSource` that is fed from the node's thread by `take`.
 
     Args:
-        camera: intrinsics that the pictures must fit, once known.
+        camera: intrinsics that the pictures must fit, once known; raises VehicleError where they do not fit any more.
         latency_s: stated, where the stamps are of another clock than ours.
     """
 
@@ -55,6 +58,7 @@ class TopicPictures(PictureSource):
 
     def pictures(self) -> Iterator[StreamedPicture]:
         """See `PictureSource`."""
+        used_s = math.inf
         while not self._closed:
             with self._changed:
                 self._changed.wait_for(lambda: self._closed or self._newest is not None, _WOKEN_S)
@@ -65,7 +69,12 @@ class TopicPictures(PictureSource):
             picture, arrived_s = newest
             exposed_s = self._exposed_s(seconds(picture.header.stamp), arrived_s)
             if exposed_s is None:
+                if arrived_s - used_s > _REFUSED_S:
+                    raise VehicleError(
+                        "pictures are refused: by their stamps they come ever later (a queue, a slower clock), or jump"
+                    )
                 continue
+            used_s = arrived_s
             try:
                 image = image_of(picture)
             except DataError as error:
@@ -84,7 +93,7 @@ class TopicPictures(PictureSource):
 
     def _exposed_s(self, stamp_s: float, arrived_s: float) -> float | None:
         if self._clock is not None:
-            return self._clock.exposed_s(stamp_s, arrived_s)
+            return self._clock.exposed_s(stamp_s or None, arrived_s)  # zero is ROS's word for none
         exposed_s = ours_s(stamp_s)
         if exposed_s is None:
             raise VehicleError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -32,12 +33,25 @@ VEHICLE_TOPICS: Mapping[str, str] = {
 """Topics of the vehicle, below its namespace, by the option that renames one."""
 OUR_TOPICS = {name: f"shipland/{name}" for name in ("cue_pose", "detections", "diagnostics", "result", "land")}
 """What we publish and listen to."""
+_NAME = re.compile(r"[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 _OPTIONS = ("kind", "domain", "local", "wait", "take", "mount_deg", "latency_s", "camera")
 
 
 def vehicle_topics(namespace: str, renamed: Mapping[str, str]) -> dict[str, str]:
-    """Full names of the vehicle's topics: `/NAMESPACE/odom`, or what an option says, from the root."""
-    return {name: renamed.get(name, f"{namespace}/{topic}").strip("/") for name, topic in VEHICLE_TOPICS.items()}
+    """Full names of the vehicle's topics: `/NAMESPACE/odom`, or what an option says, from the root.
+
+    Raises:
+        ConfigError: one is no name of a ROS 2 topic, which nobody else could publish.
+    """
+    topics = {
+        name: renamed.get(name, f"{namespace.strip('/')}/{topic}").strip("/") for name, topic in VEHICLE_TOPICS.items()
+    }
+    for topic in topics.values():
+        if not _NAME.fullmatch(topic):
+            raise ConfigError(
+                f"/{topic} is no ROS 2 topic: expected letters, digits and _ between single slashes, no digit after one"
+            )
+    return topics
 
 
 @parameters
@@ -97,7 +111,7 @@ class Ros2Setup:
             raise ConfigError(f"ros2://…?latency_s={latency_s:g}: expected 0 to 3 s")
         url = address.options.get("camera")
         return Ros2Setup(
-            topics=vehicle_topics(address.place.strip("/"), address.options),
+            topics=vehicle_topics(address.place, address.options),
             domain=domain_id(address.known_number("domain")),
             local=address.flag("local") or only_this_machine(),
             wait=address.flag("wait"),

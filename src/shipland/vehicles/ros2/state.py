@@ -20,6 +20,8 @@ from shipland.vehicles.touchdown import motors_stopped
 
 _READINGS = 200
 """Attitudes kept: four seconds at 50 Hz."""
+SILENT_S = 2.0
+"""A state that came longer ago is not the present one."""
 _SLOW_S = 10.0
 """A battery that is reported less often is not known."""
 
@@ -32,7 +34,7 @@ class Heard:
     """The vehicle's messages, merged on the node's thread, read from any.
 
     Control is ours once the vehicle was given to us (`HandOver`) and is armed, while it says that it obeys set-points;
-    once it has been ours, the first message that says otherwise ends it for good.
+    once it has been ours, the first message that says otherwise ends it for good. A link that is lost says nothing.
 
     Args:
         kind: of the set-points, attitude or velocity.
@@ -46,32 +48,32 @@ class Heard:
         self._mounts: deque[Reading] = deque(maxlen=_READINGS)
         self._battery: tuple[float, float] | None = None
         self._state: Any = None
-        self.state_s = -math.inf
-        """When the vehicle's state came last [s]."""
+        self._state_s = -math.inf
         self.land: bool | None = None
         """What `/shipland/land` said last."""
-        self.called_off = False
-        """It said false in flight."""
-        self._engaged = self._our_clock = self._bridged = False
+        self._odometry_stamps, self._mount_stamps = _Stamps(), _Stamps()
+        self._engaged = self._bridged = self._asked = False
         self._hand_over: HandOver | None = None
         self.landing = False
         """Whether the descent that is flown ends on the deck: motors that stop then have landed it."""
+        self.over = ""
+        """Why the flight is over, in words, though nobody has taken the vehicle, which is to hold; else empty."""
         self.lost = ""
         """Why control is gone for good, in words; empty while it is not."""
 
     def take_odometry(self, odometry: Message) -> None:
         """nav_msgs/Odometry; raises as `with_odometry` does."""
-        true_s = self._true_s(seconds(odometry.header.stamp))
+        true_s = self._odometry_stamps.true_s(odometry)
         with self._lock:
             told = self._telemetry = with_odometry(self._telemetry, odometry, true_s)
             if told.roll_rad is not None and told.pitch_rad is not None and told.attitude_t_s == true_s:
                 self._attitudes.append((true_s, told.roll_rad, told.pitch_rad, 0.0))
 
     def take_gimbal(self, attitude: Message) -> None:
-        """geometry_msgs/QuaternionStamped."""
+        """geometry_msgs/QuaternionStamped; raises as `gimbal_of` does."""
         gimbal = gimbal_of(attitude)
         if gimbal is not None:
-            true_s = self._true_s(seconds(attitude.header.stamp))
+            true_s = self._mount_stamps.true_s(attitude)
             self._mounts.append((true_s, gimbal.roll_rad, gimbal.pitch_rad, gimbal.yaw_rad))
 
     def take_battery(self, battery: Message) -> None:
@@ -83,13 +85,14 @@ class Heard:
     def take_state(self, state: Message) -> None:
         """mavros_msgs/State."""
         with self._lock:
-            self._state, self.state_s = state, time.monotonic()
-            self._bridged = self._bridged or bool(state.connected)
-            cut_off = self._bridged and not state.connected  # armed and mode are not the autopilot's word then
-            if self._hand_over is not None and not cut_off:
-                self._hand_over.see(self._obeys(state))
-            if self._engaged and cut_off:
-                self._lose("link lost: the vehicle's bridge has lost the autopilot")
+            self._state, self._state_s = state, time.monotonic()
+            if state.connected and not self._bridged:
+                self._bridged = True
+                if self._hand_over is not None:  # what it saw before was the bridge's word, not the autopilot's
+                    self._hand_over = HandOver(self._asked)
+            self._see()
+            if self._cut_off:
+                self._finish("link lost: the vehicle's bridge has lost the autopilot")
             elif self._engaged and not state.armed:
                 self._lose(motors_stopped(self.landing))
             elif self._engaged and not self._obeys(state):
@@ -99,33 +102,40 @@ class Heard:
         """std_msgs/Bool: true asks for a landing, false ends it."""
         with self._lock:
             self.land = bool(asked.data)
-            self.called_off = self.called_off or (self._engaged and not self.land)
+            if not self.land:
+                self._finish("ended by /shipland/land")
 
     def watch_silence(self, timeout_s: float) -> None:
-        """Control is gone when the vehicle's state has not come for so long."""
-        if self._engaged and time.monotonic() - self.state_s > timeout_s:
-            with self._lock:
-                self._lose(f"link lost: the vehicle's state has not come for {timeout_s:g} s")
+        """The flight is over when the vehicle's state has not come for so long; it may hear more than it is heard."""
+        with self._lock:
+            if self.silent_s > timeout_s:
+                self._finish(f"link lost: the vehicle's state has not come for {timeout_s:g} s")
+
+    @property
+    def silent_s(self) -> float:
+        """For how long the vehicle's state has not come [s]."""
+        return time.monotonic() - self._state_s
 
     def expect(self, asked: bool) -> None:
         """From now on a hand-over counts; `asked` as of `HandOver`."""
         with self._lock:
-            self._hand_over = HandOver(asked)
-            if self._state is not None:
-                self._hand_over.see(self._obeys(self._state))
+            self._asked, self._hand_over = asked, HandOver(asked)
+            self._see()
 
     @property
     def given(self) -> bool:
         """Handed over, and armed, by its own word."""
         with self._lock:  # not between a state and what it says of the hand-over
-            return self._hand_over is not None and self._hand_over.given and bool(self._state.armed)
+            given = self._hand_over is not None and self._hand_over.given
+            return given and self.silent_s <= SILENT_S and not self._cut_off and bool(self._state.armed)
 
     @property
     def hand_over_words(self) -> str:
         """What the operator has to do."""
-        if self._hand_over is not None and self._hand_over.given:
+        known = self.silent_s <= SILENT_S
+        if known and self._hand_over is not None and self._hand_over.given:
             return "arm the vehicle, and take off"
-        obeys = self._state is not None and self._obeys(self._state)
+        obeys = known and self._obeys(self._state)
         return hand_over_words(" or ".join(self._obeying), self.mode, obeys)
 
     @property
@@ -135,8 +145,8 @@ class Heard:
 
     @property
     def mode(self) -> str:
-        """As the vehicle names it."""
-        return "unknown" if self._state is None else str(self._state.mode) or "a mode without a name"
+        """As the vehicle names it, while it does."""
+        return "unknown" if self.silent_s > SILENT_S else str(self._state.mode) or "a mode without a name"
 
     def begin(self, called: bool) -> bool:
         """From now on it is ours, and what the vehicle says otherwise ends that; False where that was taken back.
@@ -161,7 +171,7 @@ class Heard:
 
     def gimbal_at(self, t_s: float, fixed_pitch_rad: float | None) -> tuple[GimbalAttitude, float]:
         """The camera's attitude at an exposure, and how old the nearest reading is."""
-        return gimbal_at(t_s, list(self._attitudes), list(self._mounts), fixed_pitch_rad)
+        return gimbal_at(t_s, sorted(self._attitudes), sorted(self._mounts), fixed_pitch_rad)
 
     @property
     def tells_mount(self) -> bool:
@@ -180,16 +190,37 @@ class Heard:
         """
         return state.mode in self._obeying if state.mode else bool(state.guided)
 
-    def _true_s(self, stamp_s: float) -> float:
-        """When what is stamped was true; a stamp of another clock counts as now.
+    @property
+    def _cut_off(self) -> bool:
+        """Whether the bridge has lost the autopilot: armed and mode are not its word then."""
+        return self._bridged and not self._state.connected
 
-        Once stamps were of our clock, one that is older than any of another's is late: it must not seem new.
-        """
+    def _see(self) -> None:
+        if self._hand_over is not None and self._state is not None and not self._cut_off:
+            self._hand_over.see(self._obeys(self._state))
+
+    def _finish(self, reason: str) -> None:
+        if self.ours:
+            self.over = self.over or reason
+
+    def _lose(self, reason: str) -> None:
+        self.lost = self.lost or reason
+
+
+class _Stamps:
+    """When the messages of one topic were true; a stamp of another clock counts as now.
+
+    Once stamps were of our clock, one that is older than any of another's is late: it must not seem new.
+    """
+
+    def __init__(self) -> None:
+        self._our_clock = False
+
+    def true_s(self, stamped: Message) -> float:
+        """On the loop's clock [s]."""
+        stamp_s = seconds(stamped.header.stamp)
         true_s, age_s = ours_s(stamp_s), time.time() - stamp_s
         self._our_clock = self._our_clock or true_s is not None
         if true_s is None:
             true_s = time.monotonic() - (max(age_s, 0.0) if self._our_clock else 0.0)
         return true_s
-
-    def _lose(self, reason: str) -> None:
-        self.lost = self.lost or reason

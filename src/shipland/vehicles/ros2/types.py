@@ -36,6 +36,9 @@ _OWN = {
 """Fields of vision_msgs 4 and mavros_msgs 2, as their packages define them, without comments and constants."""
 
 
+PRIMITIVES = {"byte": "uint8", "char": "uint8"}
+"""ROS 2's names for which NumPy and IDL have another."""
+
 Message = Any
 """A message of any type; they have no static ones."""
 
@@ -84,8 +87,7 @@ def _no_items(node: Any, what: Any) -> Any:  # noqa: ANN401
     (inner, name), count = what
     if inner is not Nodetype.BASE or name[0] == "string":
         return []
-    kind = {"bool": "bool", "byte": "uint8", "char": "uint8"}.get(name[0], name[0])
-    return np.zeros(count if node is Nodetype.ARRAY else 0, dtype=kind)
+    return np.zeros(count if node is Nodetype.ARRAY else 0, dtype=PRIMITIVES.get(name[0], name[0]))
 
 
 def cdr_of(sent: Message) -> bytes:

@@ -47,8 +47,8 @@ class Ros2Vehicle(SetpointVehicle):
         self._setup = setup
         self._heard = Heard(self._parameters.kind)
         self._camera = setup.camera
-        self._camera_problem = ""
-        self._topic = TopicPictures(lambda: self._camera, setup.latency_s)
+        self._camera_problem, self._camera_changed = "", False
+        self._topic = TopicPictures(self._calibrated, setup.latency_s)
 
     # What the loop sees
 
@@ -62,7 +62,7 @@ class Ros2Vehicle(SetpointVehicle):
     @property
     def end_reason(self) -> str:
         """Why the flight is over, in words; empty in flight."""
-        return self._end_reason or self._heard.lost
+        return self._end_reason or self._heard.over or self._heard.lost
 
     @property
     def in_command(self) -> str:
@@ -167,10 +167,19 @@ class Ros2Vehicle(SetpointVehicle):
 
     def _take_camera(self, info: object) -> None:
         try:
-            self._camera = self._camera or camera_of(info, self._setup.topics["image"])
+            told = camera_of(info, self._setup.topics["image"])
         except Exception as error:
             self._camera_problem = str(error)
             raise
+        self._camera = self._camera or told
+        self._camera_changed = told.digest != self._camera.digest
+
+    def _calibrated(self) -> Camera | None:
+        """Intrinsics of the topic's pictures, once known; VehicleError while camera_info says others."""
+        if self._camera_changed:
+            words = "is not what it was when the vehicle was connected: zoom and mode of the camera must stay"
+            raise VehicleError(f"/{self._setup.topics['camera_info']} {words}")
+        return self._camera
 
     def _gimbal_at(self, t_s: float) -> tuple[GimbalAttitude, float]:
         return self._heard.gimbal_at(t_s, self._setup.fixed_pitch_rad)
@@ -179,8 +188,8 @@ class Ros2Vehicle(SetpointVehicle):
         """One set-point, from the thread of the set-points."""
         heard, now_s = self._heard, time.monotonic()
         heard.watch_silence(self._parameters.link_timeout_s)
-        if heard.called_off:
-            self._end("ended by /shipland/land")
+        if heard.over:
+            self._end(heard.over)
         if not heard.ours:
             self._let_motors_stop(False)
             return
