@@ -1,5 +1,6 @@
 """A logged flight flown anew: the same one, where nothing was changed; and what is said where something was."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from errno import ENOSPC
@@ -48,6 +49,12 @@ def test_an_output_that_failed_is_told(flown, tmp_path, monkeypatch):
 def test_a_change_parts_them_and_it_is_said_where(flown, tmp_path, capsys):
     Again(flown, changes=("wind.mean_mps=8",), out=tmp_path).run()
     assert capsys.readouterr().out.splitlines()[-1].startswith("they differ from 0.")
+
+
+def test_a_log_that_breaks_off_is_not_taken_for_the_whole_flight(flown, tmp_path, capsys):
+    (tmp_path / "killed.mcap").write_bytes(flown.read_bytes()[: flown.stat().st_size // 2])
+    Again(tmp_path / "killed.mcap", out=tmp_path / "again").run()
+    assert re.search(r"killed\.mcap breaks off: \d+ cycles read, the log was not closed", capsys.readouterr().err)
 
 
 def test_a_log_is_not_written_over(flown):

@@ -446,6 +446,7 @@ def test_nobody_there_is_one_line(tmp_path: Path) -> None:
         flown._setup.command[:] = [str(tmp_path / "no-python"), "x"]
         with pytest.raises(VehicleError, match="cannot be started"):
             flown.open()
+        assert not any(thread.name == "anafi-log" for thread in threading.enumerate())  # its file is closed
 
 
 def test_a_stop_while_it_waits_for_the_take_off_is_answered_and_lets_go(tmp_path: Path) -> None:

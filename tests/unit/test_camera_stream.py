@@ -5,7 +5,9 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -237,3 +239,44 @@ def test_a_live_source_fails_at_its_end_and_a_file_is_over(tmp_path: Path, monke
                     list(source.pictures())
             else:
                 assert len(list(source.pictures())) == 2
+
+
+def webcam(path: Path, broken: range) -> VideoSource:
+    """Thirty pictures as a webcam's, some of them cut to nothing that can be decoded."""
+    av, rng = pytest.importorskip("av"), np.random.default_rng(1)
+    with av.open(str(path), "w") as film:
+        stream = film.add_stream("mjpeg", rate=30)
+        stream.width, stream.height, stream.pix_fmt = 64, 36, "yuvj420p"
+        images = (rng.integers(0, 255, (36, 64, 3), np.uint8) for _ in range(30))
+        packets = [it for image in images for it in stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24"))]
+        for index, packet in enumerate(packets + list(stream.encode())):
+            cut = av.Packet(bytes(packet.size)) if index in broken else packet
+            cut.stream, cut.pts, cut.dts, cut.time_base = stream, packet.pts, packet.dts, packet.time_base
+            film.mux(cut)
+    return VideoSource(str(path), LATENCY_S, (64, 36), 5.0)
+
+
+def test_a_picture_that_cannot_be_decoded_costs_itself(tmp_path: Path) -> None:
+    whole, film = (list(webcam(tmp_path / "film.avi", range(10, end)).pictures()) for end in (10, 12))
+    assert len(film) == len(whole) - 2 > 20
+
+
+def test_a_source_whose_pictures_are_all_broken_is_opened_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(camera_stream, "_REFUSED_S", 0.0)
+    with pytest.raises(VehicleError, match="Invalid data"):
+        list(webcam(tmp_path / "film.avi", range(10, 30)).pictures())
+
+
+@pytest.mark.parametrize(
+    "image", [np.zeros((36, 64), np.uint8), np.zeros((36, 64, 4), np.uint8), np.zeros((36, 64, 3), np.uint16)]
+)
+def test_a_pipeline_of_other_pictures_is_no_camera(image: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> None:
+    """GRAY8, BGRx and 16 bits: before a flight, in words, and not in it by an error of the first picture."""
+    capture = SimpleNamespace(isOpened=lambda: True, read=lambda: (True, image), release=lambda: None)
+    monkeypatch.setattr("cv2.VideoCapture", lambda *_: capture)
+    with closing(CameraStream(VideoSource("gst:v4l2src ! appsink", LATENCY_S, (64, 36), 5.0))) as stream:
+        stream.start()
+        assert stream.newest(-1e9, 10.0) is None
+        assert "format=BGR" in stream.problem

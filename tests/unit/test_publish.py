@@ -17,6 +17,7 @@ from shipland.errors import ConfigError
 from shipland.frames import rotation_from_euler
 from shipland.messages import BarPose, Frame, GimbalAttitude, Observation
 from shipland.scenario.scenario import load_scenario
+from shipland.vehicles import camera_stream
 from shipland.vehicles.mavlink.publish import Mounting, landing_target, position_estimate, tell
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState
 from shipland.vehicles.ros2.vehicle import Ros2Vehicle
@@ -140,6 +141,27 @@ def test_what_a_flight_refuses_is_told_to_no_autopilot(monkeypatch: pytest.Monke
     )
     assert Publish()._publish(vehicle, load_scenario("near")) == 2
     assert told == [True, False, False, False, False, True]
+
+
+def test_a_camera_that_is_opened_again_does_not_end_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A link that is lost for a moment costs seconds: the pause, and the wait for the first picture."""
+    again_s = camera_stream._LONGEST_REOPEN_S + camera_stream._REOPEN_TIMEOUT_S
+    gaps_s, vision = iter([0.0, again_s, 0.0]), SimpleNamespace(see=lambda frame: Observation(frame.t_s, frame.gimbal))
+    monkeypatch.setattr("shipland.vision.near.pipeline.NearVision", lambda *_: vision)
+    told: list[Observation] = []
+
+    def look(timeout_s: float) -> Frame | None:
+        return Frame(time.monotonic(), None, LEVEL) if next(gaps_s, math.inf) < timeout_s else None
+
+    def tell(seen: Observation, _: bool) -> bool:
+        told.append(seen)
+        return False
+
+    vehicle: Any = SimpleNamespace(
+        camera=Camera.from_fov(64, 48, 69.0), inform_of=lambda *_: None, look=look, tell=tell
+    )
+    Publish()._publish(vehicle, load_scenario("near"))
+    assert len(told) == 3
 
 
 def test_a_position_for_ros_2_is_refused_before_anything_is_connected(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -302,6 +302,15 @@ def test_a_row_that_is_no_json_is_one_line(logged, rng):
         read_log(logged(good, b"[]", good))
 
 
+def test_a_row_without_a_time_and_a_seed_below_zero_are_one_line(logged, rng):
+    row = to_row(record_at(33.0, rng))
+    with pytest.raises(DataError, match=r"rows\.mcap: seed -1, expected 0 or more"):
+        read_log(logged(json.dumps(row).encode(), info_seed=-1))
+    for time in ("frame_t_s", "telemetry_t_s"):
+        with pytest.raises(DataError, match=r"rows\.mcap: row 1 of /flight has no time"):
+            read_log(logged(json.dumps(row | {time: None}).encode()))
+
+
 @pytest.mark.parametrize(
     ("vision", "std_rad"),
     [({"gimbal_noise_rad": 0.01}, 0.01), *((it, 0.001) for it in ({}, 3, {"gimbal_noise_rad": "large"}))],

@@ -1,5 +1,7 @@
 """Recordings as vehicles."""
 
+import math
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,7 @@ from shipland.messages import Intent, PilotCommand
 from shipland.record.channels import LogParameters
 from shipland.scenario.real_vehicle import make_vehicle
 from shipland.scenario.scenario import load_scenario
-from shipland.vehicles.address import Address
+from shipland.vehicles.address import Address, VehicleSetup, vehicle_table
 from shipland.vehicles.replay import Recorded, ReplayVehicle
 from shipland.vehicles.vehicle import GroundTruthSource
 
@@ -28,6 +30,18 @@ def test_an_address_is_taken_apart() -> None:
             Address.parse(wrong)
     with pytest.raises(ConfigError, match="latency_s"):
         Address.parse("replay://a.mp4?latency_s=soon").number("latency_s", 0.0)
+    assert Address.parse("ros2://drone?camera=rtsp://me:a+b@c/d").options["camera"] == "rtsp://me:a+b@c/d"
+    with pytest.raises(ConfigError, match="given twice"):
+        Address.parse("anafi://1.2.3.4?takeoff=0&takeoff=1")
+
+
+@pytest.mark.parametrize(("text", "wrong"), [("-90", False), ("90", False), ("-9000", True), ("91", True)])
+def test_a_camera_is_mounted_within_a_quarter_turn_of_the_horizon(text: str, wrong: bool) -> None:
+    """-9000 is an autopilot's own parameter, in hundredths of a degree."""
+    address = Address.parse(f"mavlink://udp:127.0.0.1:14550?mount_deg={text}")
+    setup = VehicleSetup(address, Camera.from_fov(64, 36, 69.0), vehicle_table(None))
+    with pytest.raises(ConfigError, match="-90 to 90") if wrong else nullcontext():
+        assert setup.fixed_pitch_rad == pytest.approx(math.radians(float(text)))
 
 
 def test_a_log_is_seen_again(tmp_path: Path) -> None:

@@ -56,6 +56,12 @@ def test_a_vision_that_wants_pictures_says_that_there_are_none(log):
         replay(recorded_flight(log, vision="rendered"))
 
 
+@pytest.mark.parametrize("option", [{"calibration": Path("camera.yaml")}, {"pitch_deg": -5.0}])
+def test_what_only_a_video_wants_is_refused_for_a_log(log, option):
+    with pytest.raises(ConfigError, match="are of a video"):
+        Replay(log, **option).run()
+
+
 def test_a_recording_is_not_written_over(log):
     before = log.read_bytes()
     for option in ("out", "viewer_file"):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shipland.commands.options import Changes, PathArgument, command_line, require_record, say
+from shipland.commands.options import Changes, PathArgument, command_line, require_record, say, say_if_broken_off
 from shipland.errors import ConfigError, DataError
 from shipland.extras import installed
 
@@ -86,6 +86,7 @@ class Again:
         else:
             before, after = read_log(known.log), read_log(out / LOG_NAME)
             print(*comparison(before, after), sep="\n")
+            say_if_broken_off(known.log, len(before.records), before.complete)
             if not installed("plots"):
                 say("no side-by-side.png: pip install 'shipland[plots]'")
             elif before.records and after.records:

@@ -121,6 +121,12 @@ def say(words: str) -> None:
     print(words, file=sys.stderr, flush=True)
 
 
+def say_if_broken_off(log: Path, cycles: int, complete: bool) -> None:
+    """Tell the person at the terminal of a log that was not closed, as of a process that was killed."""
+    if not complete:
+        say(f"shipland: {log} breaks off: {cycles} cycles read, the log was not closed")
+
+
 def command_line() -> str:
     """The command as it was typed."""
     return shlex.join(["shipland", *sys.argv[1:]])

@@ -24,7 +24,7 @@ class Publish(ScenarioOptions):
 
     Example: shipland publish --vehicle "mavlink://udp:127.0.0.1:14550?camera=/dev/video0" --calibration camera.yaml
 
-    Example: shipland publish --vehicle "ros2://drone?image=/camera/image_raw&mount_deg=-10"
+    Example: shipland publish --vehicle "ros2://drone?image=/camera/image_raw&camera_info=/camera/camera_info&mount_deg=-10"
     """
 
     vehicle: str = "mavlink://udp:127.0.0.1:14550"
@@ -80,7 +80,7 @@ class Publish(ScenarioOptions):
         vehicle.inform_of(scenario.rig, np.array(scenario.camera.position_in_body_m))
         count, gate, failures = 0, InputGate(), set[type[BaseException]]()
         before: Observation | None = None
-        while (frame := vehicle.look(2.0)) is not None:
+        while (frame := vehicle.look(_CAMERA_S)) is not None:
             gate, frame, refused = gate._replace(now_s=time.monotonic()).frame(frame)
             seen = Observation(frame.t_s, frame.gimbal, reason=refused)
             if not refused:
@@ -92,3 +92,7 @@ class Publish(ScenarioOptions):
             else:
                 count += vehicle.tell(seen, self.position)
         return count
+
+
+_CAMERA_S = 10.0
+"""A camera that gives no picture for so long has ended, as in a flight; one that failed is opened again meanwhile."""

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from shipland.commands.options import ScenarioOptions, check_between, command_line, refuse_written_over, say
+from shipland.commands.options import (
+    ScenarioOptions,
+    check_between,
+    command_line,
+    refuse_written_over,
+    say,
+    say_if_broken_off,
+)
+from shipland.errors import ConfigError
 
 if TYPE_CHECKING:
     from shipland.evaluation.replays import Pair, Recording
@@ -55,9 +63,7 @@ class Replay(ScenarioOptions):
         print(*differences(self._replayed(recording)), sep="\n")
         if written:
             say(f"written: {', '.join(map(str, written))}")
-        if not recording.complete:
-            how = f"{len(recording.records)} cycles read, the log was not closed"
-            say(f"shipland: {self.recording} breaks off: {how}")
+        say_if_broken_off(self.recording, len(recording.records), recording.complete)
         return 0 if recording.complete else 1
 
     def _replayed(self, recording: Recording) -> list[Pair]:
@@ -88,4 +94,6 @@ class Replay(ScenarioOptions):
                 say("camera: that of the scenario; --calibration gives another")
             camera = None if self.calibration is None else read_calibration(self.calibration)
             return recorded_film(self.recording, self.load(), pilot, vision, self.pitch_deg, camera)
+        if self.calibration is not None or self.pitch_deg:
+            raise ConfigError(f"--calibration and --pitch-deg are of a video; the log {self.recording} holds its own")
         return recorded_flight(self.recording, self.pilot, self.vision, self.changes)

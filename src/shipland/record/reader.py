@@ -89,6 +89,11 @@ def read_log(path: Path) -> FlightLog:
         header = from_row(LogHeader, rows[HEADER_TOPIC][0])
         records = tuple(from_row(FlightRecord, row) for row in rows[FLIGHT_TOPIC])
         verdict = from_row(TouchdownVerdict, rows[VERDICT_TOPIC][-1]) if rows[VERDICT_TOPIC] else None
+        for number, record in enumerate(records, 1):
+            if not (math.isfinite(record.frame.t_s) and math.isfinite(record.telemetry.t_s)):
+                raise DataError(f"row {number} of {FLIGHT_TOPIC} has no time")
+        if header.info.seed is not None and header.info.seed < 0:
+            raise DataError(f"seed {header.info.seed}, expected 0 or more")
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
     return FlightLog(header, records, verdict, complete)

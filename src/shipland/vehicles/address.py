@@ -44,10 +44,13 @@ class Address:
                 f"--vehicle {text}: expected scheme://place, as mavlink://udp:127.0.0.1:14550, anafi://192.168.42.1 "
                 "or replay://flight.mcap"
             )
-        try:
-            options = dict(parse_qsl(query, keep_blank_values=True, strict_parsing=bool(query)))
+        try:  # a + is one, as in a password; in a form's fields it is a space
+            given = parse_qsl(query.replace("+", "%2B"), keep_blank_values=True, strict_parsing=bool(query))
         except ValueError:
             raise ConfigError(f"--vehicle {text}: expected option=value after the ?, with & between them") from None
+        options = dict(given)
+        if len(options) < len(given):
+            raise ConfigError(f"--vehicle {text}: an option is given twice; percent-encode the & of a camera's address")
         return Address(scheme, place, options)
 
     def only(self, *known: str) -> None:
@@ -108,7 +111,11 @@ class VehicleSetup:
     def fixed_pitch_rad(self) -> float | None:
         """Pitch of a camera fixed to the body, which the option `mount_deg` gives; None for one on a mount."""
         pitch_deg = self.address.known_number("mount_deg")
-        return None if pitch_deg is None else math.radians(pitch_deg)
+        if pitch_deg is None:
+            return None
+        if not -90.0 <= pitch_deg <= 90.0:
+            raise ConfigError(f"{self.address.scheme}://…?mount_deg={pitch_deg:g}: expected -90 to 90")
+        return math.radians(pitch_deg)
 
 
 def vehicle_table(path: Path | None) -> Mapping[str, Mapping[str, object]]:

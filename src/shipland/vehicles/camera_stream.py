@@ -8,7 +8,7 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -32,7 +32,7 @@ _DRIFT = 0.002
 _LATEST_S = 1.0
 """A picture that came later than the quickest by more than this is refused: it stood in a queue."""
 _REFUSED_S = 2.0
-"""A source whose pictures are all refused for so long is opened again: that empties the queue."""
+"""A source whose pictures are all refused, or broken, for so long is opened again: that empties the queue."""
 _REOPEN_S, _LONGEST_REOPEN_S = 0.5, 2.0
 """Time until a source that failed without a picture is opened again, and its largest value after repeated doubling."""
 _REOPEN_TIMEOUT_S = 3.0
@@ -326,7 +326,7 @@ class VideoSource(PictureSource):
                     raise VehicleError(f"{self._url} holds no video stream")
                 stream = container.streams.video[0]
                 stream.thread_type = "SLICE"  # frame threads hold pictures back
-                for picture in container.decode(stream):
+                for picture in _pictures(container, stream):
                     stamp_s = None if picture.time is None else float(picture.time)
                     if not self._live and stamp_s is not None:  # a file comes at its own pace
                         first_s = stamp_s if first_s is None else first_s
@@ -349,6 +349,26 @@ class VideoSource(PictureSource):
                 ok, image = capture.read()
                 if not ok:
                     return
+                if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+                    got = f"{image.shape} {image.dtype}"
+                    raise VehicleError(f"camera {self._url}: gives {got}; end it in video/x-raw,format=BGR ! appsink")
                 yield np.asarray(image, np.uint8), None
         finally:
             capture.release()
+
+
+def _pictures(container: Any, stream: Any) -> Iterator[Any]:  # noqa: ANN401 - PyAV is imported where it is used
+    """The pictures of a stream; one that cannot be decoded costs itself, until for `_REFUSED_S` none can."""
+    from av.error import InvalidDataError
+
+    decoded_s = time.monotonic()
+    for packet in container.demux(stream):
+        try:
+            pictures = packet.decode()
+        except InvalidDataError:
+            if time.monotonic() - decoded_s > _REFUSED_S:
+                raise
+            continue
+        for picture in pictures:
+            yield picture
+            decoded_s = time.monotonic()

@@ -61,7 +61,9 @@ class AnafiProcess:
                 command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
             )
         except OSError as error:
-            raise VehicleError(f"{command[0]} cannot be started: {error.strerror}") from None
+            if self._log is not None:
+                self._log.close()
+            raise VehicleError(f"{command[0]!r} cannot be started: {error.strerror}") from None
         self._thread = threading.Thread(target=self._listen, name="anafi", daemon=True)
         self._thread.start()
 
