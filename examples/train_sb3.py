@@ -94,9 +94,10 @@ class Held(gymnasium.Wrapper):
     def step(self, action):
         """Cycles until it was held, their rewards added."""
         until_s, total, over = self._now_s + self._hold_s, 0.0, False
-        while not over and self._now_s < until_s:
+        while not over:
             observation, reward, terminated, truncated, info = self.env.step(action)
-            over, total, self._now_s = terminated or truncated, total + float(reward), info["t_s"]
+            total, self._now_s = total + float(reward), info["t_s"]
+            over = terminated or truncated or self._now_s >= until_s
         return observation, total, terminated, truncated, info
 
 

@@ -128,6 +128,9 @@ def fly(
         ShiplandError: a wrong scenario, name, seed, output folder or machine.
     """
     scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+    for name, given in (("on_cycle", on_cycle), ("override", override)):
+        if not callable(given):
+            raise ConfigError(f"{name} must be a function, got {given!r}")
     factories.resolve("pilots", pilot)
     pictures, seed = needs_pictures(factories.resolve("visions", vision)), checked_seed(seed)
     say_that_it_compiles()
@@ -176,13 +179,18 @@ def fly(
 
 
 def checked_seed(seed: Any) -> int:  # noqa: ANN401 - whatever a caller gives
-    """The seed, a whole number of Python's or NumPy's; ConfigError when it is none, or negative."""
+    """The seed as `whole_number`."""
+    return whole_number("a seed", seed)
+
+
+def whole_number(name: str, given: Any, least: int = 0) -> int:  # noqa: ANN401 - whatever a caller gives
+    """A whole number of Python's or NumPy's; ConfigError, by its name, when it is none, or too small."""
     try:
-        number = operator.index(seed)
+        number = operator.index(given)
     except TypeError:
-        raise ConfigError(f"a seed must be a whole number, got {seed!r}") from None
-    if number < 0:
-        raise ConfigError(f"a seed must be 0 or more, got {number}")
+        raise ConfigError(f"{name} must be a whole number, got {given!r}") from None
+    if number < least:
+        raise ConfigError(f"{name} must be {least} or more, got {number}")
     return number
 
 

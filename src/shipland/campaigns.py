@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy.typing as npt
 
 from shipland import factories
-from shipland.api import checked_seed
+from shipland.api import checked_seed, whole_number
 from shipland.compiled import say_that_it_compiles
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation.campaign import (
@@ -249,13 +249,14 @@ def campaign(
         DataError: the folder holds rows of other code, configuration or weights, or cannot be written; workers die; or
             not one flight came to its end.
     """
-    first_seed, pilots, changes = checked_seed(first_seed), _several(pilot), _several(settings)
-    if runs < 1:
-        raise ConfigError(f"runs must be at least 1, got {runs}")
+    first_seed, runs, pilots = checked_seed(first_seed), whole_number("runs", runs, 1), _several(pilot)
+    changes, patterns = _texts("settings", settings), _texts("only", only)
     if not time_limit_s >= 0.0:
         raise ConfigError(f"time_limit_s must be 0, for no limit, or more, got {time_limit_s}")
-    if oracle_motions == 1 or oracle_motions < 0:
-        raise ConfigError(f"oracle motions must be 0, or 2 and more, got {oracle_motions}")
+    if whole_number("oracle_motions", oracle_motions) == 1:
+        raise ConfigError("oracle_motions must be 0, or 2 and more, got 1")
+    if logs and out is None:
+        raise ConfigError("logs are kept in a folder: give out")
     if isinstance(scenario, Suite):
         words, entries = f"{scenario.name} {scenario.version}", scenario.cells
     else:
@@ -264,7 +265,7 @@ def campaign(
     if not pilots or not any(entry.scenarios for entry in entries):
         raise ConfigError("nothing to fly: a campaign wants one scenario and one pilot, or more")
     laid_over = None if config is None else Path(config)
-    cells = cells_of(entries, Overrides(pilots, changes, laid_over, _several(only)))
+    cells = cells_of(entries, Overrides(pilots, changes, laid_over, patterns))
     folder = None if out is None else Path(out)
     if folder is not None:
         for cell in cells:
@@ -286,8 +287,8 @@ def fly_plan(
     progress: bool | Callable[[CampaignProgress], None] = True,
 ) -> Campaign:
     """Fly what a plan's folder lacks; arguments and errors as of `campaign`. No tables are written."""
-    if workers is not None and workers < 0:
-        raise ConfigError(f"workers must be 0 or more, or None for one a core, got {workers}")
+    if workers is not None:
+        workers = whole_number("workers", workers)
     with open_campaign(plan) as opened:
         left = sum(1 for _ in opened.missing())
         if left and workers != 0:
@@ -322,6 +323,13 @@ def _check_named(group: str, given: str | Factory) -> None:
 
 def _several(given: Any) -> tuple[Any, ...]:  # noqa: ANN401 - one, or several one by one
     return tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
+
+
+def _texts(name: str, given: str | Iterable[str]) -> tuple[str, ...]:
+    texts = _several(given)
+    if not all(isinstance(text, str) for text in texts):
+        raise ConfigError(f"{name} must be a text or several, got {texts!r}")
+    return texts
 
 
 def _fly(

@@ -68,18 +68,19 @@ def bases_of(entry: SuiteEntry, asked: Overrides, ship_kn: Sequence[float] = ())
 def fly_envelopes(
     bases: Sequence[Cell],
     grid: EnvelopeGrid,
+    out: Path,
     *,
     first_seed: int = 1,
     workers: int | None = None,
     cluster: str = "",
-    out: Path | None = None,
     time_limit_s: float = 0.0,
     progress: bool | Callable[[CampaignProgress], None] = True,
     command: str = "",
 ) -> Envelopes:
     """Fly the grid, then, round after round, what its border wants; the other arguments are as of `campaign`.
 
-    A round's cells follow from the landings of the rounds before, seed by seed: stopped and resumed, it flies the same.
+    The folder keeps a round's flights for the next. A round's cells follow from the landings of the rounds before, seed
+    by seed: stopped and resumed, it flies the same.
 
     Raises:
         ConfigError, DataError: as of `campaign`.

@@ -78,6 +78,8 @@ def test_a_notebook_shows_verdict_figures_the_whole_flight_and_its_film(monkeypa
         ({"seed": None}, "a seed must be a whole number, got None"),
         ({"seed": 1.5}, "a seed must be a whole number"),
         ({"seed": -1}, "a seed must be 0 or more, got -1"),
+        ({"on_cycle": None}, "on_cycle must be a function, got None"),
+        ({"override": None}, "override must be a function, got None"),
     ],
 )
 def test_an_argument_of_no_use_is_refused_in_words(wrong, words):

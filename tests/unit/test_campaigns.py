@@ -162,7 +162,14 @@ def test_files_are_given_as_text_or_path(made_up, tmp_path):
         ({"time_limit_s": -1.0}, "time_limit_s must be 0"),
         ({"first_seed": -1}, "a seed must be 0 or more"),
         ({"first_seed": 1.0}, "a seed must be a whole number"),
-        ({"runs": 0}, "runs must be at least 1"),
+        ({"runs": 0}, "runs must be 1 or more"),
+        ({"runs": 2.5}, "runs must be a whole number, got 2.5"),
+        ({"workers": "2"}, "workers must be a whole number, got '2'"),
+        ({"oracle_motions": 2.5}, "oracle_motions must be a whole number"),
+        ({"oracle_motions": 1}, "oracle_motions must be 0, or 2 and more"),
+        ({"settings": None}, "settings must be a text or several"),
+        ({"only": 3}, "only must be a text or several"),
+        ({"logs": True}, "logs are kept in a folder: give out"),
     ],
 )
 def test_an_argument_of_no_use_is_refused_in_words(made_up, wrong, words):

@@ -141,7 +141,7 @@ BAD_VALUE = "[wind]\nmean_mps = -3.0\n"
         (("fly", "--config", "unknown.toml"), "did you mean 'deck_size_m'"),
         (("fly", "--config", "value.toml"), "mean_mps"),
         (("fly", "--vision", "geometric", "--out", "file.txt"), "file.txt"),
-        (("campaign", "--runs", "0"), "at least 1"),
+        (("campaign", "--runs", "0"), "1 or more"),
         (("motion", "--set", "ship.sea.sea_state=9"), "sea_state"),
         (("fly", "--seed", "-1"), "0 or more"),
         (("campaign", "--first-seed", "-1"), "0 or more"),

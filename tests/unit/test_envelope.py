@@ -178,7 +178,7 @@ def test_the_command_leaves_a_picture_a_table_and_json(flown, tmp_path, here):
 def test_several_envelopes_share_a_picture(flown, unarranged, tmp_path):
     grid = EnvelopeGrid((10.0,), (0.0, 90.0), runs=1, most=1)
     bases = bases_of(SuiteEntry(("rig-natops",)), Overrides(("p", "horizon")))
-    found = fly_envelopes(bases, grid, out=None, workers=1, progress=False)
+    found = fly_envelopes(bases, grid, tmp_path / "flown", workers=1, progress=False)
     assert [it.pilot for it in found.envelopes] == ["p", "horizon"]
     text = write_envelopes(tmp_path, found.envelopes, "command", picture=True)
     assert text.count("## rig-natops") == 2
@@ -209,9 +209,9 @@ def test_a_wrong_grid_is_refused(wrong):
         EnvelopeGrid(**wrong)
 
 
-def test_fewer_workers_than_none_are_refused():
+def test_fewer_workers_than_none_are_refused(tmp_path):
     with pytest.raises(ConfigError, match="workers must be 0 or more"):
-        fly_envelopes([base()], GRID, workers=-1)
+        fly_envelopes([base()], GRID, tmp_path, workers=-1)
 
 
 @pytest.mark.parametrize(

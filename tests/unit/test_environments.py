@@ -279,8 +279,12 @@ def test_what_is_missing_has_an_age_and_is_finite(camera):
         (LandingEnv, {"vision": "none"}, "none"),
         (LandingEnv, {"vision": None}, "None is none of the visions; expected a name .*geometric"),
         (LandingEnv, {"action": "residual", "pilot": "nobody"}, "nobody"),
+        (LandingEnv, {"pilot": "nobody"}, "nobody"),
         (LandingEnv, {"scenario": "nowhere"}, "nowhere"),
         (LandingEnv, {"overrides": {"wind": {"mean": 1.0}}}, "mean_mps"),
+        (LandingEnv, {"overrides": ["wind.mean_mps=1"]}, r"overrides=\['wind.mean_mps=1'\]: expected a table"),
+        (LandingEnv, {"overrides": {1: 2}}, "overrides={1: 2}: expected a table"),
+        (LastPhaseEnv, {"overrides": "wind.mean_mps=1"}, "overrides='wind.mean_mps=1': expected a table"),
         (LandingEnv, {"render_mode": "human"}, "render_mode='human': expected one of rgb_array"),
         (LandingEnv, {"scenaro": "near"}, "LandingEnv: unknown key 'scenaro'; did you mean 'scenario'"),
         (LastPhaseEnv, {"action": "stick"}, "action='stick': expected one of residual, direct"),
@@ -303,6 +307,17 @@ def test_it_records_for_stable_baselines():
     envs.step([ZERO] * 2)
     assert envs.render().shape == (960, 640, 3)
     envs.close()
+
+
+def test_the_example_holds_an_action_for_a_cycle_at_least(monkeypatch):
+    pytest.importorskip("stable_baselines3", reason="stable_baselines3 is not installed")
+    monkeypatch.syspath_prepend(EXAMPLES)
+    env = make()
+    held = importlib.import_module("train_sb3").Held(env, 0.0)
+    _, before = held.reset(seed=3)
+    after = held.step(ZERO)[-1]
+    env.close()
+    assert 0.0 < after["t_s"] - before["t_s"] < 0.1
 
 
 @pytest.mark.parametrize(("algorithm", "environments"), [("sac", 1), ("ppo", 1), ("ppo", 2)])

@@ -79,6 +79,16 @@ def test_parquet_holds_the_same_rows(folder, tmp_path):
     assert table["success"] == [True, False, True] * 2
 
 
+def test_parquet_holds_seeds_of_any_size(tmp_path, monkeypatch):
+    parquet = pytest.importorskip("pyarrow.parquet", reason="Parquet wants pyarrow")
+    monkeypatch.setattr(job, "land_once", lambda flight: seeded(GOOD, flight.seed))
+    options = {"runs": 2, "workers": 1, "progress": False, "oracle_motions": 0}
+    shipland.campaign("near", out=tmp_path / "flown", first_seed=2**70, **options)
+    write_dataset(tmp_path / "flown", tmp_path / "set", HERE)
+    table = parquet.read_table(tmp_path / "set" / "landings.parquet").to_pydict()
+    assert table["seed"] == [str(2**70), str(2**70 + 1)]
+
+
 def test_a_folder_without_flights_is_refused(tmp_path):
     with pytest.raises(DataError, match=r"neither a campaign .* nor logs"):
         write_dataset(tmp_path, tmp_path / "set", HERE)

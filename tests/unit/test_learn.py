@@ -112,6 +112,8 @@ def test_a_stopped_run_exports_its_policy_and_goes_on_with_all_it_has_learned(tr
         learned(train, asked(tmp_path))
     with pytest.raises(DataError, match="seed 1, not 2"):
         learned(train, asked(tmp_path, resume=True, seed=2))
+    with pytest.raises(DataError, match="hidden 8, not 16"):
+        learned(train, asked(tmp_path, resume=True, hidden=16))
     learned(train, asked(tmp_path, resume=True))
     assert "80 steps" in (tmp_path / "model-card.md").read_text()
     assert "training: 4 of 4" in capsys.readouterr().err  # with those before it was stopped

@@ -33,6 +33,21 @@ def policy(tmp_path):
     return write
 
 
+@pytest.mark.parametrize(
+    ("weight", "bias", "words"),
+    [
+        ((len(ENTRIES), 2), 2, r"layer 0 of 1: expected weight and bias of \(\(2, 23\), \(2,\)\), got \(\(23, 2\)"),
+        ((3, len(ENTRIES)), 3, "layer 0 of 1: expected"),
+        ((2, len(ENTRIES)), 1, "layer 0 of 1: expected"),
+    ],
+)
+def test_layers_that_do_not_fit_are_not_written(tmp_path, weight, bias, words):
+    layer = Dense(np.zeros(weight, np.float32), np.zeros(bias, np.float32), "Tanh")
+    with pytest.raises(ConfigError, match=words):
+        write_policy(tmp_path / "policy.onnx", [layer], RESIDUAL, "of a test")
+    assert not any(tmp_path.iterdir())
+
+
 def seen(**values):
     pair = np.zeros(2)
     names = [name for name in Steered.__dataclass_fields__ if name not in ("height_m", "sink_mps", "contact_s")]

@@ -146,6 +146,15 @@ def test_the_claims_of_far_flights_and_of_a_deck_that_is_followed():
     rows = rows_of("follow_published")
     assert [(round(20 * row["square"]), row["won"], row["lost"]) for row in rows] == [(4, 0, 2), (0, 0, 6)]
     assert "6 of 20 (12–54 %) land, followed within 0.5 m 4, from 2 m on none (6 lost, none won, p = 0.03)" in claim
+    ours = {row["scenario"]: row for row in rows_of("follow_deck", below="2")}
+    rig, ship = (
+        [round(row["flights"] * share) for share in (row["square"], row["square_beside"])]
+        for row in (ours["rig-natops"], ours["ship-sea6"])
+    )
+    said = (
+        "*Ours*, followed from 2 m on: {} of 150 at NATOPS limits, not followed {}; on a ship in sea state 6 {} and {}."
+    )
+    assert said.format(*rig, *ship) in claim
 
 
 def test_the_claim_of_a_ship_under_way():

@@ -166,6 +166,8 @@ class FlightEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]], Generic[Seen]):
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 30}  # noqa: RUF012 - as the base class has it
+    usual: Mapping[str, Any] = {}
+    """Overrides of every flight, laid under those given."""
 
     def __init__(
         self,
@@ -180,8 +182,11 @@ class FlightEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]], Generic[Seen]):
             raise ConfigError(unknown_key(name, known, type(self).__name__))
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
+        given = {} if overrides is None else overrides
+        if not (isinstance(given, Mapping) and all(isinstance(key, str) for key in given)):
+            raise ConfigError(f"overrides={overrides!r}: expected a table, as {{'wind.mean_mps': 5.0}}")
         source = scenario.table() if isinstance(scenario, Scenario) else scenario
-        self.scenario = load_scenario(source, **(overrides or {}))
+        self.scenario = load_scenario(source, **{**self.usual, **given})
         self._vision = factories.resolve("visions", vision)
         say_that_it_compiles()
         self.render_mode = render_mode

@@ -61,7 +61,8 @@ class LandingEnv(FlightEnv[Seen]):
         one_of("action", action, ("sticks", "residual"))
         one_of("observation", observation, ("dict", "flat"))
         super().__init__(scenario, overrides, vision, render_mode, unknown)
-        self._inner = factories.resolve("pilots", pilot) if action == "residual" else None
+        inner = factories.resolve("pilots", pilot)
+        self._inner = inner if action == "residual" else None
         self._bound = _bound_of(bound)
         self.entries = observation_space()
         self.action_space = spaces.Box(-1.0, 1.0, (STICKS,), np.float32)

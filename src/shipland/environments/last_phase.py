@@ -68,6 +68,8 @@ class LastPhaseEnv(FlightEnv[Seen]):
         ShiplandError: one of them is wrong; it says which.
     """
 
+    usual = START
+
     def __init__(
         self,
         scenario: Scenario | str | Path | Mapping[str, Any] = "rig-natops",
@@ -81,7 +83,7 @@ class LastPhaseEnv(FlightEnv[Seen]):
         **unknown: Any,  # noqa: ANN401 - refused
     ) -> None:
         one_of("action", action, get_args(Kind))
-        super().__init__(scenario, START | dict(overrides or {}), vision, render_mode, unknown)
+        super().__init__(scenario, overrides, vision, render_mode, unknown)
         try:
             self.action = Action(action, default_bound_mps2(action) if bound_mps2 is None else bound_mps2, reach_m)
         except (TypeError, ValueError) as error:

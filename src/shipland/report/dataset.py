@@ -12,6 +12,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy.typing as npt
+
 from shipland.descriptions import descriptions, unit_of
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation.campaign import cells_file, read_cells, rows_of
@@ -153,7 +155,7 @@ def _write_table(path: Path, rows: Sequence[Mapping[str, Any]], files: list[Path
         from pyarrow import parquet
 
         files.append(path.with_suffix(".parquet"))
-        parquet.write_table(pyarrow.table({name: values.tolist() for name, values in columns.items()}), files[-1])
+        parquet.write_table(pyarrow.table({name: _array(values) for name, values in columns.items()}), files[-1])
     meanings = _BESIDE | descriptions(Landing) | descriptions(Phases) | descriptions(Conditions)
     fields = []
     for column, values in columns.items():
@@ -167,6 +169,16 @@ def _write_table(path: Path, rows: Sequence[Mapping[str, Any]], files: list[Path
                        "source": source})  # fmt: skip
     return {"@type": "cr:RecordSet", "@id": path.name, "name": path.name,
             "description": f"a row for each of the {path.name}", "field": fields}  # fmt: skip
+
+
+def _array(values: npt.NDArray[Any]) -> Any:  # noqa: ANN401 - pyarrow's
+    """A column for Parquet; whole numbers that 64 bits do not hold, as a seed may be, are texts."""
+    import pyarrow
+
+    try:
+        return pyarrow.array(values.tolist())
+    except OverflowError:
+        return pyarrow.array([str(value) for value in values.tolist()])
 
 
 def _objects(out: Path, files: Sequence[Path]) -> Iterator[dict[str, Any]]:

@@ -19,7 +19,13 @@ from torch import Tensor, nn
 from shipland.errors import DataError
 from shipland.files import json_of
 from shipland.guidance.horizon.steering import ENTRIES
-from shipland.learning.checkpoint import optimizer_tensors, read_tensors, restore_optimizer, write_tensors
+from shipland.learning.checkpoint import (
+    check_resumable,
+    optimizer_tensors,
+    read_tensors,
+    restore_optimizer,
+    write_tensors,
+)
 from shipland.learning.policy.arguments import LearnArguments
 from shipland.learning.policy.export import ACTIONS, Dense
 
@@ -32,6 +38,8 @@ BEGIN = 1_000
 """Steps of random actions before training begins."""
 KEPT = 0.95
 """Share of the averaged actor that stays in a chunk of steps."""
+_SAME = ("kind", "scenario", "changes", "environments", "bound", "hidden", "seed")
+"""Arguments of a run that stay the same when it is resumed."""
 _LINEAR = (0, 2, 4)
 """The linear layers of an actor, by their number."""
 _MEMORY = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
@@ -90,7 +98,7 @@ class Run:
         self.agent.actor_target.load_state_dict(self.agent.actor.state_dict())
         self.averaged = {name: value.clone() for name, value in self.agent.actor.mu.state_dict().items()}
         self.best = dict(self.averaged)
-        self.progress = Progress()
+        self.progress = Progress(run={name: str(getattr(arguments, name)) for name in _SAME})
 
     def average(self) -> None:
         """Take the actor into the average that is exported."""
@@ -114,12 +122,13 @@ class Run:
         write_tensors(path, tensors, about)
 
     def load(self, path: Path) -> None:
-        """What `save` wrote; DataError when it is missing, truncated or another file."""
+        """What `save` wrote; DataError when it is missing, truncated, another file, or of a run of other arguments."""
         tensors, about = read_tensors(path, FORMAT, "learn")
         agent, memory = self.agent, self.agent.replay_buffer
         assert memory is not None
         try:
-            self.progress = progress = Progress(**json_of(about["progress"]))
+            progress = Progress(**json_of(about["progress"]))
+            check_resumable(path, progress.run, self.progress.run)
             memory.pos, filled = int(about["position"]), len(tensors["memory"]["rewards"])
             for name in _MEMORY:
                 getattr(memory, name)[:filled] = tensors["memory"][name].numpy()
@@ -128,6 +137,7 @@ class Run:
             self.averaged, self.best = tensors["averaged"], tensors["best"]
         except (KeyError, TypeError, ValueError, RuntimeError) as error:
             raise DataError(f"checkpoint {path} is damaged: {error}") from None
+        self.progress = progress
         progress.flights = [(row[0], row[1], row[2]) for row in progress.flights]
         for name, optimizer in (("actor", agent.actor.optimizer), ("critic", agent.critic.optimizer)):
             if f"{name}_optimizer" in tensors:

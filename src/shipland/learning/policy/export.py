@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from shipland.errors import ConfigError
 from shipland.files import write_with_digest
 from shipland.guidance.horizon.learned import FORMAT
 from shipland.guidance.horizon.steering import ENTRIES, Action
@@ -27,9 +29,18 @@ class Dense(NamedTuple):
 
 
 def write_policy(path: Path, layers: Sequence[Dense], action: Action, note: str) -> None:
-    """Write a policy that `--pilot residual` and `learned` fly, whole or not at all, with its digest."""
+    """Write a policy that `--pilot residual` and `learned` fly, whole or not at all, with its digest.
+
+    Raises:
+        ConfigError: a layer does not take what the one before gives, or the last one gives no action.
+    """
     from onnx import helper, numpy_helper
 
+    widths = [len(ENTRIES), *(len(layer.bias) for layer in layers[:-1]), ACTIONS]
+    for index, (layer, (inputs, outputs)) in enumerate(zip(layers, pairwise(widths), strict=True)):
+        wanted, given = ((outputs, inputs), (outputs,)), (layer.weight.shape, layer.bias.shape)
+        if given != wanted:
+            raise ConfigError(f"layer {index} of {len(layers)}: expected weight and bias of {wanted}, got {given}")
     nodes, weights, before = [], [], "observation"
     for index, layer in enumerate(layers):
         after = "action" if index == len(layers) - 1 else f"hidden_{index}"

@@ -25,7 +25,7 @@ from shipland.errors import ConfigError
 from shipland.figures import drawn
 from shipland.files import write_atomically, write_csv
 from shipland.guidance.horizon.steering import REACH_M, Action
-from shipland.learning.checkpoint import check_begun, check_resumable
+from shipland.learning.checkpoint import check_begun
 from shipland.learning.policy.agent import Progress, Run, answer, dense_of
 from shipland.learning.policy.arguments import LearnArguments
 from shipland.learning.policy.export import write_policy
@@ -132,13 +132,9 @@ def _monitored(maker: EnvMaker, *, ignore_interrupt: bool) -> gymnasium.Env[Any,
 def _start(arguments: LearnArguments, envs: VecEnv) -> Run:
     last = arguments.out / LAST
     check_begun(last, resume=arguments.resume)
-    names = ("kind", "scenario", "changes", "environments", "bound", "hidden", "seed")
-    identity = {name: str(getattr(arguments, name)) for name in names}
     run = Run(arguments, envs)
-    run.progress.run = identity
     if arguments.resume:
         run.load(last)
-        check_resumable(last, run.progress.run, identity)
     seeds = np.random.default_rng((arguments.seed, run.progress.step))
     envs.seed(_FIRST_SEED + int(seeds.integers(2**30)))
     return run
