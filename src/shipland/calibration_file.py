@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -84,10 +83,9 @@ def _opencv_matrix(node: Any) -> Array | None:  # noqa: ANN401 - OpenCV's
 def _listed(node: Any) -> Array:  # noqa: ANN401 - OpenCV's
     """A matrix of ROS: rows, columns and a plain list."""
     rows, columns, data = (node.getNode(name) for name in ("rows", "cols", "data"))
-    shape = int(rows.real()), int(columns.real())
-    if data.size() != math.prod(shape):
-        raise ValueError(f"{node.name()} has {data.size()} numbers, expected {shape[0]} × {shape[1]}")
-    return np.array([data.at(i).real() for i in range(data.size())]).reshape(shape)
+    if data.size() != rows.real() * columns.real():
+        raise ValueError(f"{node.name()} has {data.size()} numbers, expected {rows.real():g} × {columns.real():g}")
+    return np.array([data.at(i).real() for i in range(data.size())]).reshape(int(rows.real()), int(columns.real()))
 
 
 def write_calibration(camera: Camera, path: Path) -> None:

@@ -252,6 +252,7 @@ class TestFilesOfOthers:
             ("<?xml version='1.0'?><opencv_storage><fisheye_model>1</fisheye_model></opencv_storage>", "fisheye"),
             (ROS.replace("640", "wide"), "whole image_width"),
             (ROS.replace(", 0, 1]", "]"), "camera_matrix has 7 numbers, expected 3 × 3"),
+            (ROS.replace("rows: 3", "rows: .Inf"), "camera_matrix has 9 numbers, expected inf × 3"),
             (ROS.replace("600.5", "-600.5"), "positive focal lengths"),
             (ROS.replace("[0.1, -0.25, 0.001, 0, 0]", "[]"), "distortion_coefficients has 0 numbers, expected 1 × 5"),
         ],
