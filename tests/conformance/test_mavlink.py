@@ -627,10 +627,8 @@ def test_a_vehicle_that_is_not_heard_any_more_is_left_holding(mute_s: float, mod
         assert (report["mode"], report["target"] == "tilt") == (mode, False)
 
 
-@pytest.mark.parametrize(
-    ("words", "reason"), [("mode 5", "LOITER"), ("sticks 1700", "sticks"), ("reboot", "restarted")]
-)
-def test_whoever_takes_the_vehicle_keeps_it(words: str, reason: str) -> None:
+@pytest.mark.parametrize(("words", "mode", "reason"), [("mode 5", 5, "LOITER"), ("sticks 1700", 5, "sticks")])
+def test_whoever_takes_the_vehicle_keeps_it(words: str, mode: int, reason: str) -> None:
     with flying_forward() as (vehicle, autopilot, _):
         autopilot.say(words)
         assert not fly(vehicle, 3.0, *FORWARD)
@@ -640,7 +638,51 @@ def test_whoever_takes_the_vehicle_keeps_it(words: str, reason: str) -> None:
         vehicle.send(PilotCommand(time.monotonic(), 80.0, 0.0, 0.0, 0.0, 0.0))
         time.sleep(0.5)
         assert set_points(autopilot) == before
-        assert autopilot.report()["mode"] == (5 if words.startswith(("mode", "sticks")) else 4)
+        assert autopilot.report()["mode"] == mode
+
+
+def restart(_: MavlinkVehicle, autopilot: StandIn) -> None:
+    autopilot.say("reboot")
+
+
+def stray_disarmed_heartbeat(vehicle: MavlinkVehicle, _: StandIn) -> None:
+    """As of a second vehicle with the same id; the vehicle's own come ten times a second."""
+    link, mode = vehicle.session.link, vehicle.session.state.mode
+    beat = dialect.MAVLink_heartbeat_message(2, vehicle.session.state.autopilot, 1, mode, 4, 3)
+    link.take(Codec(1, 1).encode(beat), link._peer, time.monotonic())
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+@pytest.mark.parametrize(
+    ("happens", "reason"), [(restart, "restarted"), (stray_disarmed_heartbeat, "motors have stopped")]
+)
+def test_a_vehicle_that_flies_on_in_our_mode_is_left_holding_whatever_ended_the_flight(
+    kind: str, happens: Callable[[MavlinkVehicle, StandIn], None], reason: str
+) -> None:
+    """Nobody has taken it: it would fly the last tilt until its own timeout, and then drift where sticks are dead."""
+    with flying_forward(kind) as (vehicle, autopilot, _):
+        happens(vehicle, autopilot)
+        assert not fly(vehicle, 3.0, *FORWARD)
+        assert reason in vehicle.end_reason
+        vehicle.close()  # as the loop does at once
+        report = autopilot.report()
+        assert (report["mode"], report["target"]) == (HOLDS[kind], "hold")
+
+
+@pytest.mark.parametrize("next_mode", [None, 5])
+def test_a_vehicle_whose_motors_have_stopped_is_sent_nothing(next_mode: int | None) -> None:
+    """Nor is a person at its sticks asked into another mode."""
+    with flying_forward() as (vehicle, autopilot, _):
+        vehicle.session.command(400, 0, 21196)
+        assert not fly(vehicle, 3.0, *FORWARD)
+        assert vehicle.end_reason == "the motors have stopped"
+        assert until(lambda: not vehicle.session.state.armed)
+        before, modes = set_points(autopilot), commands(autopilot, 176)
+        autopilot.say("sticks 1500 1900" if next_mode is None else f"mode {next_mode}")
+        time.sleep(0.5)
+        vehicle.close()
+        assert (set_points(autopilot), commands(autopilot, 176)) == (before, modes)
+        assert autopilot.report()["mode"] == (next_mode or 4)
 
 
 def test_touchdown_on_a_moving_deck_stops_the_motors_by_force() -> None:

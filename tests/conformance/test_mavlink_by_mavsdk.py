@@ -33,8 +33,12 @@ def test_by_mavsdk(test: Callable[[], None]) -> None:
     test()
 
 
-@pytest.mark.parametrize(
-    ("words", "reason"), [("mode 5", "LOITER"), ("sticks 1700", "sticks"), ("reboot", "restarted")]
-)
-def test_whoever_takes_the_vehicle_keeps_it(words: str, reason: str) -> None:
-    test_mavlink.test_whoever_takes_the_vehicle_keeps_it(words, reason)
+@pytest.mark.parametrize(("words", "mode", "reason"), [("mode 5", 5, "LOITER"), ("sticks 1700", 5, "sticks")])
+def test_whoever_takes_the_vehicle_keeps_it(words: str, mode: int, reason: str) -> None:
+    test_mavlink.test_whoever_takes_the_vehicle_keeps_it(words, mode, reason)
+
+
+def test_a_vehicle_that_flies_on_in_our_mode_is_left_holding_after_a_restart() -> None:
+    test_mavlink.test_a_vehicle_that_flies_on_in_our_mode_is_left_holding_whatever_ended_the_flight(
+        "ardupilot", test_mavlink.restart, "restarted"
+    )

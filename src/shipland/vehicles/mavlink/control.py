@@ -8,14 +8,17 @@ from shipland.vehicles.mavlink.modes import lands_by_itself, mode_name, obeys_us
 from shipland.vehicles.mavlink.state import AutopilotState
 from shipland.vehicles.touchdown import MOTORS_STOPPED
 
+_RESTARTED = "the autopilot has restarted"
+
 
 class Control:
     """The hand-over and the takeover; given every state by the receiving thread, asked at every set-point.
 
     Control begins with the guided mode: set by the operator after `begin`, or requested by us. From then on another
-    mode, a moved stick or stopped motors end it, whatever mode comes later. The autopilot's own landing is no other
-    mode once we have asked for it. An autopilot that has restarted since we connected is never ours: what was asked of
-    it and read from it was lost.
+    mode or a moved stick end it, whatever mode comes later. The autopilot's own landing is no other mode once we have
+    asked for it. A restart, or stopped motors, end the flight alone: nobody has taken a vehicle that, by its newest
+    word, flies on in our mode, and it is to hold. One that has restarted before it was given to us is never ours: what
+    was asked of it and read from it was lost.
 
     Args:
         stick_takeover_us: a stick moved by more takes over.
@@ -30,6 +33,8 @@ class Control:
         self._moved = 0
         self.granted = False
         """The guided mode was given to us."""
+        self.over = ""
+        """Why the flight is over, in words, though nobody has taken the vehicle, which is to hold; else empty."""
         self.lost = ""
         """Why control is gone for good, in words; empty while it is not."""
         self.by_sticks = False
@@ -68,18 +73,20 @@ class Control:
         if not self.lands(before) and after.denied(asked, before.answers(asked)):
             self.hands_over = False
         ours = self.obeys(after) or self.lands(after)
-        if after.clock.restarts:
-            self.lose("the autopilot has restarted")
-        elif not self.granted:
+        if not self.granted:
+            if after.clock.restarts:
+                self.lose(_RESTARTED)
+                return
             self._hand_over.see(ours)
             self.granted = self._hand_over.given
             if not ours and self._asked_in not in (None, after.mode):
                 self.lose(f"the pilot took over: {mode_name(after)}")
-        elif before.armed and not after.armed:
-            self.lose(MOTORS_STOPPED)
-        elif not ours or (self.lands(before) and not self.lands(after)):
+            return
+        if after.clock.restarts or (before.armed and not after.armed):
+            self.over = self.over or (_RESTARTED if after.clock.restarts else MOTORS_STOPPED)
+        if not ours or (self.lands(before) and not self.lands(after)):
             self.lose(f"the pilot took over: {mode_name(after)}")
-        elif after.sticks_us is not before.sticks_us and self._moved_sticks(after.sticks_us):
+        elif self._flies(after) and after.sticks_us is not before.sticks_us and self._moved_sticks(after.sticks_us):
             self.by_sticks = True
             self.lose("the pilot moved the sticks")
 
@@ -89,11 +96,11 @@ class Control:
 
     def has(self, state: AutopilotState) -> bool:
         """Whether we may command now: given to us, not taken, and the mode obeys us."""
-        return self.granted and not self.lost and self.obeys(state)
+        return self.granted and not self.lost and self.obeys(state) and self._flies(state)
 
     def answers_for(self, state: AutopilotState) -> bool:
         """Whether the vehicle flies as we want it: by our set-points, or in the landing that we have asked for."""
-        return self.has(state) or (self.lands(state) and not self.lost)
+        return self.has(state) or (self.lands(state) and not self.lost and self._flies(state))
 
     def lands(self, state: AutopilotState) -> bool:
         """Whether the autopilot lands by itself because we have asked for it."""
@@ -107,7 +114,11 @@ class Control:
             return f"the pilot ({mode_name(state)})"
         if self.has(state):
             return "shipland"
-        return f"nobody: {self.lost or f'{mode_name(state)} is not handed over'}"
+        return f"nobody: {self.lost or self.over or f'{mode_name(state)} is not handed over'}"
+
+    def _flies(self, state: AutopilotState) -> bool:
+        """Whether there is something to hold once the flight is over: a disarmed vehicle is sent nothing."""
+        return state.armed or not self.over
 
     def _moved_sticks(self, sticks_us: tuple[int, ...]) -> bool:
         """Whether they stand twice on end away from where they stood when control was given, or first heard later."""

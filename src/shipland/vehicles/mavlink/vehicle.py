@@ -48,6 +48,8 @@ _HEIGHT_S = 1.0
 """A take-off of ours does not climb on a height older than this."""
 _ASK_HEARTBEAT_S = 0.15
 """Age at which a heartbeat is requested: a PX4 says one a second and no more, and only a fresh one shows the mode."""
+_NEXT_HEARTBEAT_S = 0.5
+"""Timeout of the heartbeat after one that says disarmed; it is requested."""
 _HAND_OVER_S = 0.5
 """From one request for a mode to the next."""
 _GRANTED_S = 2.0
@@ -140,6 +142,8 @@ class MavlinkVehicle(SetpointVehicle):
         session = self._session
         if session is not None and self._control.granted:
             self._end("the flight was ended here; the vehicle holds")
+            if self._control.over and not session.state.armed:
+                self._await_heartbeat(session)
             if self._control.answers_for(session.state):
                 self._control.released = True
                 session.link.send(
@@ -149,6 +153,12 @@ class MavlinkVehicle(SetpointVehicle):
             until_s = time.monotonic() + (HAND_OVERS + 1) * _HAND_OVER_S
             while self._control.by_sticks and time.monotonic() < until_s:
                 time.sleep(0.02)  # the set-points' thread is asking for a mode that obeys the pilot
+
+    def _await_heartbeat(self, session: Session) -> None:
+        """One that says disarmed may be another vehicle's, with the same id; the next tells whether ours flies on."""
+        said_s, until_s = session.state.heartbeat_s, time.monotonic() + _NEXT_HEARTBEAT_S
+        while session.state.heartbeat_s == said_s and time.monotonic() < until_s:
+            time.sleep(0.02)
 
     def checks(self) -> list[Check]:
         """What of link, camera and vehicle is fit to fly; once connected."""
@@ -197,8 +207,8 @@ class MavlinkVehicle(SetpointVehicle):
     def _on_state(self, before: AutopilotState, after: AutopilotState) -> None:
         """Notice on the receiving thread that the vehicle is no longer ours, or obeys us otherwise than it told."""
         self._control.see(before, after)
-        if lost := self._control.lost:
-            self._end(motors_stopped(self._landing()) if lost == MOTORS_STOPPED else lost)
+        if over := self._control.over or self._control.lost:
+            self._end(motors_stopped(self._landing()) if over == MOTORS_STOPPED else over)
         if after.parameters is not before.parameters and (
             changed := changed_parameters(after.autopilot, self._told, after.parameters)
         ):
