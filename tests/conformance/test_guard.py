@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from threading import Thread
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -447,6 +448,39 @@ def test_a_turn_that_fails_is_told_and_the_messages_go_on(monkeypatch: pytest.Mo
             assert ours.recv(1000).endswith(b"heartbeat")
         relay.join(10.0)
         assert not relay.is_alive()
+
+
+def test_what_fails_with_every_message_of_the_vehicle_keeps_neither_ours_nor_a_hold_from_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fail(_: Any) -> None:
+        raise ZeroDivisionError("of a bug")
+
+    monkeypatch.setattr(guard_process._Relay, "_from_vehicle", fail)
+    holds = SimpleNamespace(
+        news="", taken=False, hear_us=lambda *_: None, due_s=lambda: 0.0, due=lambda _: [b"hold"], over=lambda _: True,
+        lose_us=lambda _: None,
+    )  # fmt: skip
+    number = free_port(socket.SOCK_DGRAM)
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with closing(UdpPort("127.0.0.1", number, listen=True)) as port, closing(theirs):
+        relay = guard_process._Relay(port, theirs)
+        monkeypatch.setattr(relay, "_guard", holds)
+        thread = Thread(target=relay.run)
+        with closing(ours), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+            vehicle.settimeout(10.0)
+            vehicle.sendto(b"heartbeat", ("127.0.0.1", number))  # waits for ever: a busy link's next one is there
+            peer = f"127.0.0.1:{vehicle.getsockname()[1]}"
+            ours.send(guard_process._message_record(peer, b"set-point"))
+            thread.start()
+            try:
+                assert {vehicle.recv(100), vehicle.recv(100)} == {b"set-point", b"hold"}
+            finally:
+                ours.close()
+                monkeypatch.undo()
+                vehicle.sendto(b"heartbeat", ("127.0.0.1", number))
+        thread.join(10.0)
+        assert not thread.is_alive()
 
 
 def test_a_port_that_cannot_be_opened_is_said_before_flight(monkeypatch: pytest.MonkeyPatch) -> None:

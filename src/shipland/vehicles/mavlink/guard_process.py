@@ -151,30 +151,36 @@ class _Relay:
         self._peer = ""
         self._gone = self._reported = self._backlog = False
         self._turn_s = time.monotonic()
+        self._ready = set[int]()
 
     def run(self) -> None:
-        """Until our process has gone and nothing is left to hold; what fails in a turn does not end it."""
+        """Until our process has gone and nothing is left to hold; what fails in a step keeps none from its turn."""
+        steps = self._wait, self._tell_news, self._from_vehicle, self._from_us, self._send_due
         while not (self._gone and (self._guard is None or self._guard.over(time.monotonic()))):
-            try:
-                self._turn()
-            except Exception as error:  # without it nothing reaches the vehicle, a hold neither
-                self._tell(f"the guard process of the link failed: {type(error).__name__}: {error}")
+            for step in steps:
+                try:
+                    step()
+                except Exception as error:  # without it nothing reaches the vehicle, a hold neither
+                    self._tell(f"the guard process of the link failed: {type(error).__name__}: {error}")
 
-    def _turn(self) -> None:
+    def _wait(self) -> None:
         due_s = _TURN_S if self._guard is None else self._guard.due_s() - time.monotonic()
-        ready = {number for number, _ in self._poll.poll(1e3 * min(max(0.0, due_s), _TURN_S))}
+        self._ready = {number for number, _ in self._poll.poll(1e3 * min(max(0.0, due_s), _TURN_S))}
         late_s, self._turn_s = time.monotonic() - self._turn_s, time.monotonic()
-        self._backlog = late_s > FRESH_S or (self._backlog and self._port.fileno() in ready)
+        self._backlog = late_s > FRESH_S or (self._backlog and self._port.fileno() in self._ready)
+
+    def _tell_news(self) -> None:
+        """Before the vehicle's next message, which may report the mode that we requested."""
         if self._guard is not None:
-            self._tell(self._guard.news)  # before the vehicle's next message, which may report the mode we requested
-        if self._port.fileno() in ready:
-            self._from_vehicle()
-        if self._ours.fileno() in ready:
-            self._from_us()
+            self._tell(self._guard.news)
+
+    def _send_due(self) -> None:
         for data in [] if self._guard is None else self._guard.due(time.monotonic()):
             self._send(data)
 
     def _from_vehicle(self) -> None:
+        if self._port.fileno() not in self._ready:
+            return
         try:
             got = self._port.receive()
         except OSError:  # the port is gone: silence, which our process notices
@@ -189,6 +195,8 @@ class _Relay:
                 self._guard.hear_vehicle(data, time.monotonic(), self._backlog)
 
     def _from_us(self) -> None:
+        if self._ours.fileno() not in self._ready:
+            return
         try:
             record = self._ours.recv(_RECORD_BYTES)
         except OSError:  # it went with messages unread; what it sent before comes next
