@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, suppress
 from pathlib import Path
-from threading import Thread
+from threading import Thread, Timer
 from types import SimpleNamespace
 from typing import Any
 
@@ -23,8 +23,10 @@ from fuzz_link import Nowhere  # noqa: E402
 from mavlink_bench import StandIn, bench  # noqa: E402
 
 from ports import free_port  # noqa: E402
+from shipland.commands import publish  # noqa: E402
+from shipland.commands.publish import Publish  # noqa: E402
 from shipland.errors import ConfigError, VehicleError  # noqa: E402
-from shipland.messages import PilotCommand  # noqa: E402
+from shipland.messages import Observation, PilotCommand  # noqa: E402
 from shipland.vehicles.mavlink import guard_process  # noqa: E402
 from shipland.vehicles.mavlink.dialect import Codec  # noqa: E402
 from shipland.vehicles.mavlink.guard import Guard  # noqa: E402
@@ -425,6 +427,27 @@ def test_a_guard_that_dies_ends_the_flight_at_once() -> None:
         os.kill(vehicle.session.link.port._process.pid, signal.SIGKILL)
         until(lambda: vehicle.read() is None, timeout_s=10.0)
         assert vehicle.end_reason == "the guard process of the link has ended"
+
+
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [("guard", "the guard process of the link has ended"), ("camera", "video lost: no picture for 1 s; 0 poses")],
+)
+def test_what_fails_under_publish_ends_it_in_words(what: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An autopilot that lands by our vision would be told of no deck, and nobody that it is not."""
+    vision = SimpleNamespace(see=lambda frame: Observation(frame.t_s, frame.gimbal))
+    monkeypatch.setattr("shipland.vision.near.pipeline.NearVision", lambda *_: vision)
+    monkeypatch.setattr(publish, "_CAMERA_S", 1.0)
+    with bench() as (vehicle, _, camera):
+        vehicle.connect()
+        monkeypatch.setattr("shipland.scenario.real_vehicle.make_vehicle", lambda *_: vehicle)
+        if what == "guard":
+            os.kill(vehicle.session.link.port._process.pid, signal.SIGKILL)
+        stop = Timer(3.0 if what == "guard" else 0.2, lambda: setattr(camera, "frozen", True))
+        stop.start()
+        with pytest.raises(VehicleError, match=words):
+            Publish(scenario="near").run()
+        stop.join()
 
 
 def test_a_turn_that_fails_is_told_and_the_messages_go_on(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -64,7 +64,7 @@ def test_a_submodule_is_of_its_extra():
 
 def test_ros2_is_told_without_mavlink(monkeypatch, capsys):
     class Ended(Ros2Vehicle):
-        camera = default_camera()
+        camera, _stream = default_camera(), None
 
         def __init__(self):
             pass

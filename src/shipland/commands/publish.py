@@ -37,8 +37,8 @@ class Publish(ScenarioOptions):
     """Send the position estimate as well."""
 
     def run(self) -> int:
-        """Publish until the camera ends or Ctrl-C."""
-        from shipland.errors import ConfigError
+        """Publish until a recording ends or Ctrl-C; VehicleError once camera or link fail."""
+        from shipland.errors import ConfigError, VehicleError
         from shipland.scenario.real_vehicle import make_vehicle
         from shipland.vehicles.ros2.vehicle import Ros2Vehicle
         from shipland.vehicles.setpoint_vehicle import SetpointVehicle
@@ -54,6 +54,8 @@ class Publish(ScenarioOptions):
         vehicle.connect()
         try:
             count = self._publish(vehicle, scenario)
+            if lost := vehicle.video_lost(_CAMERA_S):
+                raise VehicleError(f"{lost}; {count} poses published")
         finally:
             vehicle.close()
         print(f"{count} poses published; the camera has ended")
@@ -95,4 +97,4 @@ class Publish(ScenarioOptions):
 
 
 _CAMERA_S = 10.0
-"""A camera that gives no picture for so long has ended, as in a flight; one that failed is opened again meanwhile."""
+"""A camera that gives no picture for so long is lost, as in a flight; one that failed is opened again meanwhile."""

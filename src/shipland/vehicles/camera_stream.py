@@ -100,6 +100,8 @@ class CameraStream:
         self._arrivals: deque[tuple[float, float]] = deque(maxlen=300)
         self._problem = ""
         self._ended = False
+        self.played = False
+        """Whether the source has come to its end, as a recording does: nothing is wrong then."""
         self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
 
     @property
@@ -173,7 +175,7 @@ class CameraStream:
         except Exception as error:  # decoders raise many things over a bad line
             self._problem = f"{type(error).__name__}: {error}"
         else:
-            self._problem = "the stream has ended"
+            self._problem, self.played = "the stream has ended", True
             return True
         return False
 

@@ -108,6 +108,12 @@ class SetpointVehicle(LinkVehicle):
         gimbal, age_s = (shot.gimbal, 0.0) if shot.gimbal is not None else self._gimbal_at(shot.exposed_s)
         return Frame(shot.exposed_s, shot.image, gimbal, gimbal_age_s=age_s)
 
+    def video_lost(self, silent_s: float) -> str:
+        """Why `look` gave nothing for so long, in words; empty where a recording has been played."""
+        if self._stream is None or self._stream.played:
+            return ""
+        return f"video lost: {self._stream.problem or f'no picture for {silent_s:g} s'}"
+
     def send(self, command: PilotCommand) -> None:
         """The newest sticks; they leave with the next set-point."""
         with self._lock:

@@ -185,7 +185,13 @@ class MavlinkVehicle(SetpointVehicle):
             self.tell(record.observation)
 
     def tell(self, observation: Observation, with_position: bool = False) -> bool:
-        """Send the landing target, and the position estimate if asked for; whether there was anything to send."""
+        """Send the landing target, and the position estimate if asked for; whether there was anything to send.
+
+        Raises:
+            VehicleError: the link's guard has gone, and nothing reaches the autopilot any more.
+        """
+        if problem := self.session.link.port.problem:
+            raise VehicleError(problem)
         return self._mounting is not None and tell(self.session, observation, self._mounting, with_position)
 
     # Taking and losing the vehicle
