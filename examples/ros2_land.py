@@ -32,6 +32,8 @@ class Land(Node):
 
     def ask(self) -> None:
         """Again and again until the flight is over: who has only just been found may have missed it."""
+        if self.asked.get_subscription_count() == 0:
+            self.answer("the process of `shipland fly` has gone")
         if self.ended is not None and not self.ended.done():
             self.asked.publish(Bool(data=True))
 

@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,7 @@ from shipland.rig import Rig
 from shipland.vehicles import link_vehicle, pace
 from shipland.vehicles.ros2.conversions import gimbal_message, odometry_of
 from shipland.vehicles.ros2.dds import Node, Publisher, _quality
-from shipland.vehicles.ros2.image_messages import camera_info
+from shipland.vehicles.ros2.image_messages import camera_info, same_lens
 from shipland.vehicles.ros2.state import Heard
 from shipland.vehicles.ros2.types import message, message_of
 from shipland.vehicles.ros2.vehicle import Ros2Vehicle
@@ -86,6 +87,22 @@ def test_the_checklist_names_every_topic_and_finds_the_drone_fit() -> None:
         assert vehicle.camera.matrix == pytest.approx(CAMERA.matrix)
         drone.silent = True
         assert until(lambda: not all(check.ok for check in vehicle.checks()))
+
+
+def test_another_node_that_may_command_the_vehicle_is_no_start() -> None:
+    """Two `shipland fly` on the same topics took turns at the vehicle."""
+    with bench() as (vehicle, drone):
+        vehicle.connect()
+        assert until(lambda: all(check.ok for check in vehicle.checks()))
+        with closing(Node(drone.domain, local=True)) as other:
+            other.publisher(drone.topics["command_attitude"], "mavros_msgs/msg/AttitudeTarget")
+            other.publisher("drone/elsewhere", "geometry_msgs/msg/TwistStamped")
+            assert until(lambda: not all(check.ok for check in vehicle.checks()))
+            (found,) = (check for check in vehicle.checks() if not check.ok)
+            assert found.name == "one commander"
+            assert "/drone/command_attitude" in found.words
+            assert "elsewhere" not in found.words
+        assert until(lambda: all(check.ok for check in vehicle.checks()))
 
 
 def test_nothing_is_commanded_before_the_drone_obeys_nor_after_it_does_not() -> None:
@@ -247,12 +264,17 @@ def test_motors_may_no_longer_stop_once_it_is_not_ours(how: str) -> None:
 
 
 def test_odometry_that_comes_late_is_old_and_another_clocks_is_not() -> None:
+    """Nor does it take the place of a newer one that has come before it."""
     told = Telemetry(0.0, 0.0, 0.0, 0.0, 5.0, np.zeros(3), None, None, flying=True)
     synchronised, foreign = Heard("velocity"), Heard("velocity")
     synchronised.take_odometry(odometry_of(told, time.time() - 0.1))
-    for heard, age_s in ((synchronised, 1.5), (foreign, 0.0)):
-        heard.take_odometry(odometry_of(told, time.time() - 1.5))
-        assert time.monotonic() - heard.telemetry_at(0.0).velocity_t_s == pytest.approx(age_s, abs=0.05)
+    for heard, height_m, age_s in ((synchronised, 5.0, 0.1), (foreign, 9.0, 0.0)):
+        heard.take_odometry(odometry_of(replace(told, height_m=9.0), time.time() - 1.5))
+        newest = heard.telemetry_at(0.0)
+        assert newest.height_m == pytest.approx(height_m)
+        assert time.monotonic() - newest.velocity_t_s == pytest.approx(age_s, abs=0.05)
+    ages_s = [time.monotonic() - true_s for true_s, *_ in synchronised._attitudes]
+    assert ages_s == pytest.approx([0.1, 1.5], abs=0.05)
 
 
 @pytest.mark.parametrize("stamp_s", [0.0, 1e9])
@@ -516,6 +538,33 @@ def test_pictures_are_not_looked_at_once_camera_info_says_another_lens() -> None
         drone.camera = Camera.from_fov(CAMERA.width_px, CAMERA.height_px, 30.0)
         assert until(lambda: vehicle.read() is None)
         assert vehicle.end_reason.startswith("video lost: /drone/camera/camera_info is not what it was")
+
+
+def zoomed(lens: Camera, factor: float) -> Camera:
+    focal = np.array([[factor, 1.0, 1.0], [1.0, factor, 1.0], [1.0, 1.0, 1.0]])
+    return replace(lens, matrix=lens.matrix * focal)
+
+
+@pytest.mark.parametrize("distortion", [np.zeros(5), np.array([-0.2, 0.05, 0.001, 0.0, 0.0])])
+def test_a_lens_whose_focus_moves_the_digits_is_the_same(distortion: np.ndarray) -> None:
+    """What a change does at the picture's edge counts: a wrong principal point, or distortion, too."""
+    lens = Camera(CAMERA.width_px, CAMERA.height_px, CAMERA.matrix, distortion)
+    assert same_lens(lens, zoomed(lens, 1.003))
+    assert not same_lens(lens, zoomed(lens, 1.01))
+    assert not same_lens(lens, replace(lens, matrix=lens.matrix + np.array([[0.0, 0.0, 1.0], [0.0] * 3, [0.0] * 3])))
+    assert not same_lens(lens, replace(lens, distortion=distortion + np.array([0.1, 0.0, 0.0, 0.0, 0.0])))
+    assert not same_lens(lens, lens.scaled(2 * lens.width_px, 2 * lens.height_px))
+
+
+def test_pictures_are_looked_at_on_where_camera_info_changes_in_its_last_digits() -> None:
+    with bench(video_timeout_s=1.0) as (vehicle, drone):
+        vehicle.open()
+        assert vehicle.read() is not None
+        drone.camera = zoomed(CAMERA, 1.002)
+        end_s = time.monotonic() + 2.0
+        while time.monotonic() < end_s:
+            assert vehicle.read() is not None
+        assert vehicle.camera.matrix == pytest.approx(CAMERA.matrix)
 
 
 @pytest.mark.parametrize("kind", ["velocity", "attitude"])

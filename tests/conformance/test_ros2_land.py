@@ -17,9 +17,12 @@ class StandIn:
 
     def __init__(self, _name: str) -> None:
         self.published: list[bool] = []
+        self.listeners = 1
 
     def create_publisher(self, *_: object) -> Any:
-        return SimpleNamespace(publish=lambda told: self.published.append(told.data), get_subscription_count=lambda: 1)
+        return SimpleNamespace(
+            publish=lambda told: self.published.append(told.data), get_subscription_count=lambda: self.listeners
+        )
 
     def create_subscription(self, *_: object) -> None: ...
     def create_service(self, *_: object, **__: object) -> None: ...
@@ -76,5 +79,19 @@ def test_a_landing_that_is_called_off_is_not_asked_for_again(land: Any) -> None:
         node.ask()
         assert node.published == [True, False]
         assert not (await asyncio.wait_for(call, 5.0)).success
+
+    asyncio.run(scene())
+
+
+def test_a_call_is_answered_where_the_flights_process_has_gone(land: Any) -> None:
+    async def scene() -> None:
+        node = land()
+        call = await called(node)
+        node.listeners = 0
+        node.ask()
+        answer = await asyncio.wait_for(call, 5.0)
+        assert not answer.success
+        assert "has gone" in answer.message
+        assert node.published == [True]
 
     asyncio.run(scene())

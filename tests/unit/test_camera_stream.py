@@ -264,7 +264,7 @@ def test_a_picture_that_cannot_be_decoded_costs_itself(tmp_path: Path) -> None:
 def test_a_source_whose_pictures_are_all_broken_is_opened_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(camera_stream, "_REFUSED_S", 0.0)
+    monkeypatch.setattr(camera_stream, "REFUSED_S", 0.0)
     with pytest.raises(VehicleError, match="Invalid data"):
         list(webcam(tmp_path / "film.avi", range(10, 30)).pictures())
 

@@ -31,7 +31,7 @@ _DRIFT = 0.002
 """Rate at which a stream's clock may run away from ours; what falls behind faster is a latency that grows."""
 _LATEST_S = 1.0
 """A picture that came later than the quickest by more than this is refused: it stood in a queue."""
-_REFUSED_S = 2.0
+REFUSED_S = 2.0
 """A source whose pictures are all refused, or broken, for so long is opened again: that empties the queue."""
 _REOPEN_S, _LONGEST_REOPEN_S = 0.5, 2.0
 """Time until a source that failed without a picture is opened again, and its largest value after repeated doubling."""
@@ -299,7 +299,7 @@ class VideoSource(PictureSource):
             if exposed_s is not None:
                 used_s = arrived_s
                 yield StreamedPicture(image, exposed_s, arrived_s)
-            elif self._live and arrived_s - used_s > _REFUSED_S:
+            elif self._live and arrived_s - used_s > REFUSED_S:
                 raise VehicleError(f"camera {self._url}: its pictures come more than {_LATEST_S:g} s late")
             if self._closed:
                 return
@@ -360,7 +360,7 @@ class VideoSource(PictureSource):
 
 
 def _pictures(container: Any, stream: Any) -> Iterator[Any]:  # noqa: ANN401 - PyAV is imported where it is used
-    """The pictures of a stream; one that cannot be decoded costs itself, until for `_REFUSED_S` none can."""
+    """The pictures of a stream; one that cannot be decoded costs itself, until for `REFUSED_S` none can."""
     from av.error import InvalidDataError
 
     decoded_s = time.monotonic()
@@ -368,7 +368,7 @@ def _pictures(container: Any, stream: Any) -> Iterator[Any]:  # noqa: ANN401 - P
         try:
             pictures = packet.decode()
         except InvalidDataError:
-            if time.monotonic() - decoded_s > _REFUSED_S:
+            if time.monotonic() - decoded_s > REFUSED_S:
                 raise
             continue
         for picture in pictures:

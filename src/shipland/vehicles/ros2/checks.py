@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 from shipland.vehicles.camera_stream import CameraStream
 from shipland.vehicles.checks import Check, battery_check, limits_text, telemetry_check
@@ -10,8 +11,8 @@ from shipland.vehicles.ros2.setup import Ros2Setup
 from shipland.vehicles.ros2.state import SILENT_S, Heard
 
 
-def ros2_checks(heard: Heard, stream: CameraStream, setup: Ros2Setup) -> list[Check]:
-    """What is known after a few seconds of listening."""
+def ros2_checks(heard: Heard, stream: CameraStream, setup: Ros2Setup, others: Sequence[str]) -> list[Check]:
+    """What is known after a few seconds of listening; `others`: topics of set-points that another node publishes."""
     wanted, topics, now_s = setup.preflight, setup.topics, time.monotonic()
     telemetry, silent = heard.telemetry_at(now_s), heard.silent_s > SILENT_S
     stated = "" if setup.latency_s is None else f", {setup.latency_s:g} s of it stated"
@@ -34,6 +35,9 @@ def ros2_checks(heard: Heard, stream: CameraStream, setup: Ros2Setup) -> list[Ch
         Check("limits", True, limits_text(setup.response) + ", as configured: a ROS 2 vehicle does not tell them"),
         battery_check(telemetry.battery_percent, wanted.battery_percent, f"/{topics['battery']}: "),
     ]  # fmt: skip
+    if others:
+        words = f"another node publishes /{', /'.join(others)} (a second shipland?): end it, two would fly the vehicle"
+        lines.append(Check("one commander", False, words))
     if setup.camera is None:
         lines.insert(0, Check("calibration", True, f"/{topics['camera_info']}"))
     tells = heard.tells_mount or setup.fixed_pitch_rad is not None or setup.frames is not None

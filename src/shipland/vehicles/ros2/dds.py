@@ -42,6 +42,8 @@ receive buffer loses some, which are sent again 0.1 s later."""
 _FAST_DDS = "1.15"
 """Vendor whose XTypes descriptions are not compared: its version 3 sends flags that Cyclone refuses as invalid (its
 pull requests 2333 and 2342), and no topic with a sequence or an array would be matched. Names are compared still."""
+_ENDPOINTS = 10_000
+"""Publishers in a domain that are looked through."""
 _PARTICIPANTS = 32
 """ROS 2 processes on this machine that are looked for where there is no multicast."""
 
@@ -122,6 +124,7 @@ class Node:
 
     def __init__(self, domain: int, local: bool) -> None:
         require_dds()
+        from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
         from cyclonedds.core import DDSException, Policy, Qos, WaitSet
         from cyclonedds.domain import DomainParticipant
 
@@ -130,6 +133,7 @@ class Node:
             self._participant: DomainParticipant = DomainParticipant(domain, qos=Qos(Policy.Userdata(b"enclave=/;")))
         except DDSException as error:
             raise VehicleError(f"DDS cannot be opened in domain {domain}: {error}") from None
+        self._endpoints = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
         self._waiting: Any = WaitSet(self._participant)
         self._readers: list[tuple[DataReader[Any], str, Callable[[Any], None]]] = []
         self._publishers: list[Publisher] = []
@@ -173,6 +177,15 @@ class Node:
             self._readers.append((reader, kind, take))
             self._waiting.attach(ReadCondition(reader, SampleState.Any | ViewState.Any | InstanceState.Any))
 
+    def is_published_by_another(self, topic: str) -> bool:
+        """Whether another participant publishes `/topic`, as far as is known by now."""
+        from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState
+
+        alive = ReadCondition(self._endpoints, SampleState.Any | ViewState.Any | InstanceState.Alive)
+        found = self._endpoints.read(_ENDPOINTS, condition=alive)
+        name, own = _dds_name(topic), self._participant.guid
+        return any(each.topic_name == name and each.participant_key != own for each in found)
+
     def close(self) -> None:
         """End: nothing is handed over or sent after this, nobody finds us listening, nothing is kept for later."""
         self._closed.set()
@@ -187,7 +200,7 @@ class Node:
         from cyclonedds.topic import Topic
 
         data = _raw(kind)
-        return Topic(self._participant, f"rt/{topic.strip('/')}", data), data
+        return Topic(self._participant, _dds_name(topic), data), data
 
     def _receive(self) -> None:
         waiting = self._waiting
@@ -213,6 +226,10 @@ class Node:
         except DDSException:
             self.malformed += 1
             return []
+
+
+def _dds_name(topic: str) -> str:
+    return f"rt/{topic.strip('/')}"
 
 
 def _quality(kind: str, *, reliable: bool, latched: bool) -> Any:  # noqa: ANN401

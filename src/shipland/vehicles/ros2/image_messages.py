@@ -12,6 +12,9 @@ from shipland.errors import DataError
 from shipland.vehicles.ros2.conversions import header
 from shipland.vehicles.ros2.types import Message, message
 
+_SAME_LENS = 0.0025
+"""Largest difference of one lens, of the picture's width: 0.5 % of a distance, as much as a calibration is good for."""
+
 
 def camera_info(camera: Camera, t_s: float, frame: str) -> Message:
     """sensor_msgs/CameraInfo; coefficients past the eighth (thin prism, tilt) have no place there."""
@@ -50,6 +53,17 @@ def camera_of(info: Message, topic: str = "") -> Camera:
         return Camera(int(info.width), int(info.height), matrix, distortion)
     except ValueError as error:
         raise DataError(f"camera_info: {error}") from None
+
+
+def same_lens(camera: Camera, other: Camera) -> bool:
+    """Whether pictures of the other may be measured with these intrinsics: by what differs over the whole picture."""
+    width_px, height_px = camera.width_px, camera.height_px
+    if (width_px, height_px) != (other.width_px, other.height_px):
+        return False
+    across, down = np.meshgrid(np.linspace(0.0, width_px - 1.0, 5), np.linspace(0.0, height_px - 1.0, 5))
+    pixels = np.column_stack([across.ravel(), down.ravel()])
+    moved_px = other.project(camera.back_project(pixels)) - pixels
+    return bool(np.all(np.hypot(*moved_px.T) <= _SAME_LENS * width_px))  # NaN, of no pixel, is not
 
 
 def image_message(image: npt.NDArray[np.uint8], t_s: float, frame: str) -> Message:

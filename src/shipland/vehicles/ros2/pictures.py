@@ -10,7 +10,7 @@ from typing import Any
 
 from shipland.camera import Camera
 from shipland.errors import DataError, VehicleError
-from shipland.vehicles.camera_stream import ExposureClock, PictureSource, StreamedPicture, wrong_size
+from shipland.vehicles.camera_stream import REFUSED_S, ExposureClock, PictureSource, StreamedPicture, wrong_size
 from shipland.vehicles.ros2.conversions import seconds
 from shipland.vehicles.ros2.image_messages import image_of
 from shipland.vehicles.ros2.types import Message
@@ -18,8 +18,6 @@ from shipland.vehicles.ros2.types import Message
 _OLDEST_S, _AHEAD_S = 1.0, 0.05
 """A stamp that is older, or further ahead, is of another clock than ours."""
 _WOKEN_S = 0.2
-_REFUSED_S = 2.0
-"""Pictures whose stamps are all refused for so long are said to be."""
 
 
 def image_kind(topic: str) -> str:
@@ -69,7 +67,7 @@ class TopicPictures(PictureSource):
             picture, arrived_s = newest
             exposed_s = self._exposed_s(seconds(picture.header.stamp), arrived_s)
             if exposed_s is None:
-                if arrived_s - used_s > _REFUSED_S:
+                if arrived_s - used_s > REFUSED_S:
                     raise VehicleError(
                         "pictures are refused: by their stamps they come ever later (a queue, a slower clock), or jump"
                     )

@@ -43,7 +43,7 @@ class Heard:
     def __init__(self, kind: str) -> None:
         self._obeying = _OBEYING[kind]
         self._lock = threading.RLock()
-        self._telemetry = Telemetry(0.0)
+        self._telemetry, self._telemetry_s = Telemetry(0.0), -math.inf
         self._attitudes: deque[Reading] = deque(maxlen=_READINGS)
         self._mounts: deque[Reading] = deque(maxlen=_READINGS)
         self._battery: tuple[float, float] | None = None
@@ -62,10 +62,12 @@ class Heard:
         """Why control is gone for good, in words; empty while it is not."""
 
     def take_odometry(self, odometry: Message) -> None:
-        """nav_msgs/Odometry; raises as `with_odometry` does."""
+        """nav_msgs/Odometry; raises as `with_odometry` does. One that comes late is a reading of its time alone."""
         true_s = self._odometry_stamps.true_s(odometry)
         with self._lock:
-            told = self._telemetry = with_odometry(self._telemetry, odometry, true_s)
+            told = with_odometry(self._telemetry, odometry, true_s)
+            if true_s >= self._telemetry_s:
+                self._telemetry, self._telemetry_s = told, true_s
             if told.roll_rad is not None and told.pitch_rad is not None and told.attitude_t_s == true_s:
                 self._attitudes.append((true_s, told.roll_rad, told.pitch_rad, 0.0))
 

@@ -20,7 +20,7 @@ from shipland.vehicles.checks import Check
 from shipland.vehicles.ros2.checks import ros2_checks
 from shipland.vehicles.ros2.conversions import attitude_message, gimbal_message, velocity_message
 from shipland.vehicles.ros2.dds import Node, require_dds
-from shipland.vehicles.ros2.image_messages import camera_of
+from shipland.vehicles.ros2.image_messages import camera_of, same_lens
 from shipland.vehicles.ros2.pictures import TopicPictures, image_kind
 from shipland.vehicles.ros2.setup import OUR_TOPICS, Ros2Parameters, Ros2Setup
 from shipland.vehicles.ros2.state import Heard
@@ -45,6 +45,7 @@ class Ros2Vehicle(SetpointVehicle):
     def __init__(self, setup: Ros2Setup) -> None:
         super().__init__(setup.parameters)
         self._setup = setup
+        self._node: Node | None = None
         self._heard = Heard(self._parameters.kind)
         self._camera = setup.camera
         self._camera_problem, self._camera_changed = "", False
@@ -77,7 +78,7 @@ class Ros2Vehicle(SetpointVehicle):
 
     def _connect(self) -> None:
         setup, heard, topics = self._setup, self._heard, self._setup.topics
-        node = Node(setup.domain, setup.local)
+        node = self._node = Node(setup.domain, setup.local)
         self._stack.callback(node.close)
         self._velocity = node.publisher(topics["command_velocity"], "geometry_msgs/msg/TwistStamped")
         self._attitude = node.publisher(topics["command_attitude"], "mavros_msgs/msg/AttitudeTarget")
@@ -141,8 +142,10 @@ class Ros2Vehicle(SetpointVehicle):
 
     def checks(self) -> list[Check]:
         """What of topics and camera is fit to fly; once connected."""
-        assert self._stream is not None
-        return ros2_checks(self._heard, self._stream, self._setup)
+        assert self._stream is not None and self._node is not None  # connected
+        commands = (self._setup.topics[name] for name in ("command_velocity", "command_attitude"))
+        others = [topic for topic in commands if self._node.is_published_by_another(topic)]
+        return ros2_checks(self._heard, self._stream, self._setup, others)
 
     # What others are told
 
@@ -172,7 +175,7 @@ class Ros2Vehicle(SetpointVehicle):
             self._camera_problem = str(error)
             raise
         self._camera = self._camera or told
-        self._camera_changed = told.digest != self._camera.digest
+        self._camera_changed = not same_lens(self._camera, told)
 
     def _calibrated(self) -> Camera | None:
         """Intrinsics of the topic's pictures, once known; VehicleError while camera_info says others."""
