@@ -2,6 +2,7 @@
 
 import math
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,34 @@ def test_a_log_is_seen_again(tmp_path: Path) -> None:
     truth = vehicle.truth_at(seen[-1][0].t_s)
     assert truth is not None
     assert truth.t_s == pytest.approx(seen[-1][0].t_s)
+
+
+def test_a_log_takes_no_other_calibration_and_no_options_of_a_video(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "flight.mcap", flight(from_s=27.0, to_s=27.5))
+    calibration = tmp_path / "camera.yaml"
+    write_calibration(Camera.from_fov(160, 96, 69.0), calibration)
+    with pytest.raises(ConfigError, match="--calibration is of a video; the log"):
+        make_vehicle(f"replay://{path}", load_scenario("near"), calibration, None)
+    with pytest.raises(ConfigError, match="no option 'latency_s'"):
+        make_vehicle(f"replay://{path}?latency_s=0.3", load_scenario("near"), None, None)
+
+
+@pytest.mark.parametrize("odd", [0, 20])
+@pytest.mark.parametrize("what", ["exposure", "receipt"])
+@pytest.mark.parametrize("off_s", [1000.0, -1000.0])
+def test_one_row_with_a_wrong_time_costs_itself(odd: int, what: str, off_s: float) -> None:
+    flown = list(flight(from_s=27.0, to_s=29.5))
+    recorded = [Recorded(record.frame, record.frame.t_s + 0.1, record.telemetry) for record in flown]
+    row = recorded[odd]
+    frame = replace(row.frame, t_s=row.frame.t_s + (off_s if what == "exposure" else 0.0))
+    recorded[odd] = replace(row, frame=frame, arrived_s=row.arrived_s + (off_s if what == "receipt" else 0.0))
+    vehicle = ReplayVehicle(recorded, CAMERA)
+    vehicle.open()
+    seen = []
+    while (pair := vehicle.read()) is not None:
+        seen.append(pair)
+    assert len(seen) >= len(recorded) - 1
+    assert [frame.t_s for frame, _ in seen][-5:] == [row.frame.t_s for row in flown[-5:]]
 
 
 def test_pictures_that_came_meanwhile_are_passed_over() -> None:

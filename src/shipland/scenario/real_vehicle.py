@@ -74,10 +74,13 @@ def replay(setup: VehicleSetup) -> Vehicle:
     from shipland.vision.pictures import is_video
 
     address = setup.address
-    address.only("pitch_deg", "latency_s")
     path = Path(address.place)
     if not is_video(path):
+        address.only()
+        if setup.calibrated:
+            raise ConfigError(f"--calibration is of a video; the log {path} holds its own")
         return replayed_log(path)
+    address.only("pitch_deg", "latency_s")
     pitch_rad, latency_s = math.radians(address.number("pitch_deg", 0.0)), address.number("latency_s", 0.0)
     if latency_s < 0.0:
         raise ConfigError(f"replay://…?latency_s={latency_s:g}: expected 0 or more")

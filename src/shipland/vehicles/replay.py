@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -35,7 +35,7 @@ class Recorded:
 
 
 class ReplayVehicle:
-    """A `Vehicle` and `GroundTruthSource` over a recording, in order of receipt.
+    """A `Vehicle` and `GroundTruthSource` over a recording, in order of receipt; see `in_order`.
 
     Time is the recording's: after `send` the pipeline is free at the command's time, and `read` gives the newest
     picture that had arrived by then and was not given, else it waits for the next one, as a link does. Sticks move
@@ -50,7 +50,7 @@ class ReplayVehicle:
     def __init__(
         self, recorded: Iterator[Recorded] | Sequence[Recorded], camera: Camera, verdict: TouchdownVerdict | None = None
     ) -> None:
-        self._source, self._camera, self._verdict = iter(recorded), camera, verdict
+        self._source, self._camera, self._verdict = in_order(recorded), camera, verdict
         self._ahead: Recorded | None = None
         self._newest: Recorded | None = None
         self._truths: deque[tuple[float, GroundTruth]] = deque(maxlen=_REMEMBERED)
@@ -105,19 +105,37 @@ class ReplayVehicle:
         return self._verdict if self._ended else None
 
     def _peek(self) -> Recorded | None:
-        """The next picture whose exposure is after the one before; what runs backwards is left out."""
-        while self._ahead is None and not self._ended:
-            item = next(self._source, None)
-            if item is None:
-                self._ended = True
-            elif self._newest is None or item.frame.t_s > self._newest.frame.t_s:
-                self._ahead = item
+        if self._ahead is None and not self._ended:
+            self._ahead = next(self._source, None)
+            self._ended = self._ahead is None
         return self._ahead
 
     def _take(self) -> Recorded:
         assert self._ahead is not None  # both callers have peeked
         self._newest, self._ahead = self._ahead, None
         return self._newest
+
+
+def in_order(recorded: Iterable[Recorded]) -> Iterator[Recorded]:
+    """Those exposed and received after the one before, without one that is ahead of what follows it.
+
+    Taken for its time, a picture stamped far ahead would leave all others behind.
+    """
+    before: Recorded | None = None
+    waiting: Recorded | None = None
+    for item in recorded:
+        if not _is_after(item, before):
+            continue
+        if waiting is not None and _is_after(item, waiting):
+            yield waiting
+            before = waiting
+        waiting = item
+    if waiting is not None:
+        yield waiting
+
+
+def _is_after(item: Recorded, before: Recorded | None) -> bool:
+    return before is None or (item.frame.t_s > before.frame.t_s and item.arrived_s >= before.arrived_s)
 
 
 def recorded_video(path: Path, camera: Camera, pitch_rad: float, latency_s: float) -> Iterator[Recorded]:
