@@ -7,7 +7,7 @@ import platform
 import shutil
 import subprocess  # this Python alone
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -21,6 +21,10 @@ Finding = tuple[State, str, str]
 """One line: its state, what was looked at, what was found and what to do."""
 _AUTOPILOTS = {"ArduCopter": "SHIPLAND_ARDUCOPTER", "PX4": "SHIPLAND_PX4"}
 _LEAST_FREE_GB = 1.0
+_USED = {"mavlink": "pymavlink.dialects.v20.ardupilotmega", "ros2": "rosbags.typesys, cyclonedds.core"}
+"""What is used of an extra, where its own module imports nothing."""
+_IMPORT_S = 120.0
+"""Timeout of an import; on a busy machine torch takes half a minute."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +41,18 @@ class Doctor:
         """Look at everything."""
         failed = False
         for look in (_machine, _opengl, _compiled, _detectors, _extras, _autopilots, _priority):
-            for state, name, words in look():
+            for state, name, words in _found(look):
                 failed |= state == "FAIL"
                 print(f"{state:<4}  {name:<14} {words}", flush=True)
         return int(failed)
+
+
+def _found(look: Callable[[], Iterator[Finding]]) -> Iterator[Finding]:
+    """What is looked at may be broken in any way: that is a finding."""
+    try:
+        yield from look()
+    except Exception as error:
+        yield "FAIL", look.__name__.strip("_"), f"{type(error).__name__}: {error}"
 
 
 def _machine() -> Iterator[Finding]:
@@ -95,9 +107,20 @@ def _detectors() -> Iterator[Finding]:
 
 def _extras() -> Iterator[Finding]:
     for name, extra in EXTRAS.items():
-        here = installed(name)
-        words = extra.use if here else f"{extra.use}: pip install 'shipland[{name}]'"
-        yield "ok" if here else "-", f"extra {name}", words
+        words = extra.use
+        if not installed(name):
+            words += f": pip install 'shipland[{name}]'"
+        elif broken := _broken(_USED.get(name, extra.module)):
+            words += f": installed and broken: {broken}"
+        yield "ok" if words == extra.use else "-", f"extra {name}", words
+
+
+def _broken(modules: str) -> str:
+    """Why modules cannot be imported, in words; in a process of its own, which a crash ends alone."""
+    command = [sys.executable, "-P", "-c", f"import {modules}"]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=_IMPORT_S)  # noqa: S603
+    said = done.stderr.strip().splitlines() or [f"status {done.returncode}"]
+    return said[-1] if done.returncode else ""
 
 
 def _autopilots() -> Iterator[Finding]:
