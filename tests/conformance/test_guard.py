@@ -514,6 +514,8 @@ def test_a_port_that_cannot_be_opened_is_said_before_flight(monkeypatch: pytest.
             GuardedPort(f"udp:127.0.0.1:{port}")
     with pytest.raises(ConfigError, match="expected udp:HOST:PORT"):
         GuardedPort("mqtt:host:1")
+    with pytest.raises(VehicleError, match=r"tcp:10\.0\.0\.\.1:5760: UnicodeError"):
+        GuardedPort("tcp:10.0.0..1:5760")
     monkeypatch.setattr(sys, "executable", "/bin/false")
     with pytest.raises(VehicleError, match="guard process of the link ended"):
         GuardedPort(f"udp:127.0.0.1:{port}")

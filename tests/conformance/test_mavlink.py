@@ -470,6 +470,19 @@ def test_the_gimbal_is_asked_for_again_where_that_is_lost_and_a_refusal_is_said(
             assert words in found.words
 
 
+@pytest.mark.parametrize("taken", [False, True])
+def test_the_gimbal_is_given_back(taken: bool) -> None:
+    """A ground station's requests to turn it would be refused for good: to whoever has it now, we are in control."""
+    with opened() as (vehicle, autopilot, _):
+        if taken:
+            autopilot.say("mode 5")
+            assert not fly(vehicle, 3.0, *STILL)
+        vehicle.close()
+        assert until(
+            lambda: commands(autopilot, dialect.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE)[-1][1:] == [-3.0, -3.0], 3.0
+        )
+
+
 @pytest.mark.parametrize(
     ("withheld", "words", "others"),
     [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -259,6 +260,24 @@ def webcam(path: Path, broken: range) -> VideoSource:
 def test_a_picture_that_cannot_be_decoded_costs_itself(tmp_path: Path) -> None:
     whole, film = (list(webcam(tmp_path / "film.avi", range(10, end)).pictures()) for end in (10, 12))
     assert len(film) == len(whole) - 2 > 20
+
+
+@pytest.mark.parametrize(
+    ("url", "kind"),
+    [("/dev/video0", "v4l2"), ("/dev/v4l/by-id/usb-camera-index0", "v4l2"), ("/dev/shm/film.mp4", None)],
+)
+def test_a_camera_is_one_by_its_lasting_name_too(url: str, kind: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By number it may be another camera after the next start."""
+    formats: list[str | None] = []
+
+    def opened(_: str, format: str | None, **__: object) -> None:  # noqa: A002 - PyAV's name
+        formats.append(format)
+        raise OSError(errno.ENOENT, "No such file or directory")
+
+    monkeypatch.setattr("av.open", opened)
+    with pytest.raises(VehicleError, match="No such file"):
+        list(VideoSource(url, LATENCY_S, (64, 36), 5.0).pictures())
+    assert formats == [kind]
 
 
 def test_a_source_whose_pictures_are_all_broken_is_opened_again(

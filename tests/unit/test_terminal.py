@@ -11,9 +11,10 @@ from made_up_flight import flight
 from shipland.aside import Aside
 from shipland.commands.fly import Fly, ProgressLine
 from shipland.commands.terminal import Terminal
-from shipland.errors import ConfigError, DataError
+from shipland.errors import ConfigError, DataError, VehicleError
 from shipland.evaluation.folder import claimed
 from shipland.scenario.fly import Flown
+from shipland.vehicles.checks import Check
 from waiting import until
 
 
@@ -195,6 +196,9 @@ def test_a_check_leaves_an_earlier_flight_s_messages_alone(tmp_path, monkeypatch
     monkeypatch.setattr("shipland.commands.fly._LISTENING_S", 0.0)
     assert Fly(vehicle="fake://here", out=tmp_path, check=True).run() == 0
     assert logs == ["check.tlog"]
+    monkeypatch.setattr("shipland.scenario.real_vehicle.checklist", lambda *_: [Check("battery", False, "12 %")])
+    with pytest.raises(VehicleError, match="not fit to fly: battery: 12 %"):  # a script goes by it
+        Fly(vehicle="fake://here", out=tmp_path, check=True).run()
 
 
 def test_a_vehicle_that_was_connected_is_let_go_of_whatever_keeps_the_flight_from_beginning(tmp_path, monkeypatch):

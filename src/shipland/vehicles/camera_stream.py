@@ -271,7 +271,8 @@ class VideoSource(PictureSource):
     """A stream, a device or a file by PyAV, or a GStreamer pipeline by OpenCV.
 
     Args:
-        url: `rtsp://…`, `/dev/video0`, a file, or `gst:` and a pipeline that ends in an appsink.
+        url: `rtsp://…`, `/dev/video0` or its lasting name in `/dev/v4l/by-id/`, a file, or `gst:` and a pipeline that
+            ends in an appsink.
         latency_s: from exposure to receipt.
         size_px: width and height that the calibration is for.
         open_timeout_s: to the first picture.
@@ -279,7 +280,7 @@ class VideoSource(PictureSource):
 
     def __init__(self, url: str, latency_s: float, size_px: tuple[int, int], open_timeout_s: float) -> None:
         self._url, self._size_px, self._timeout_s = url, size_px, open_timeout_s
-        self._is_device = url.startswith("/dev/video")
+        self._is_device = url.startswith(("/dev/video", "/dev/v4l/"))
         recorded = "filesrc" in url or url.startswith("file://")
         self._live = not recorded and (self._is_device or url.startswith("gst:") or "://" in url)
         self._clock = ExposureClock(latency_s)

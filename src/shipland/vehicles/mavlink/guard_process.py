@@ -239,8 +239,9 @@ def main() -> None:
     ours = socket.socket(fileno=int(descriptor))
     try:
         port = Place.of(place).open()
-    except VehicleError as error:
-        ours.send(b"E" + str(error).encode())
+    except Exception as error:  # of whatever opens it
+        words = str(error) if isinstance(error, VehicleError) else f"{place}: {type(error).__name__}: {error}"
+        ours.send(b"E" + words.encode())
         return
     ours.send(b"R1" if port.stream else b"R0")
     ours.setblocking(False)

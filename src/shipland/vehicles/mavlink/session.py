@@ -40,6 +40,8 @@ _STREAM_ANSWER_S = 1.5
 """Timeout of the answer to each of these requests, which are sent twice within it."""
 _HOLD_ANSWER_S, _HOLD_AGAIN_S = 1.5, 0.8
 """Timeout of the final hold command, and the time until it is sent again."""
+_NOT_OURS = -3
+"""MAVLink's word for the system and component in control of a gimbal: no longer the sender."""
 _PARAMETERS_S = 3.0
 """Timeout of the answers for parameters."""
 _HISTORY = 512
@@ -168,6 +170,11 @@ class Session:
             self.ask(*_rate_request(name), timeout_s=_STREAM_ANSWER_S)
         self.ask(dialect.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE, *self.link.own, -1, -1, timeout_s=_STREAM_ANSWER_S)
         self.wait(lambda state: math.isfinite(state.attitude_t_s), timeout_s, "no attitude from the vehicle")
+
+    def give_gimbal_back(self) -> None:
+        """Let whoever asks next turn it; a ground station's requests are refused while we are in control of it."""
+        if self.link.vehicle:
+            self.command(dialect.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE, _NOT_OURS, _NOT_OURS, -1, -1)
 
     def wait(self, until: Callable[[AutopilotState], object], timeout_s: float, otherwise: str) -> None:
         """Wait for the state to become something; VehicleError says what did not come."""

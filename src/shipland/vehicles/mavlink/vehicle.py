@@ -153,6 +153,8 @@ class MavlinkVehicle(SetpointVehicle):
             until_s = time.monotonic() + (HAND_OVERS + 1) * _HAND_OVER_S
             while self._control.by_sticks and time.monotonic() < until_s:
                 time.sleep(0.02)  # the set-points' thread is asking for a mode that obeys the pilot
+        if session is not None:
+            session.give_gimbal_back()
 
     def _await_heartbeat(self, session: Session) -> None:
         """One that says disarmed may be another vehicle's, with the same id; the next tells whether ours flies on."""
