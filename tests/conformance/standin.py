@@ -1,10 +1,11 @@
 """A stand-in autopilot in a process of its own: MAVLink's common dialect over UDP, and a kinematic multicopter.
 
 It knows nothing of shipland. It keeps to what real ones were seen to do: ArduPilot drops SET_ATTITUDE_TARGET whose
-rates are partly ignored, takes thrust 0.5 as holding the height, obeys set-points in GUIDED only, holds when they stop,
-and refuses a plain disarm while the deck moves; PX4 gives OFFBOARD only after set-points, leaves it without them, and
-says a heartbeat a second whatever rate it is asked for, and one whenever one is requested; where it is to wait for
-sticks without set-points, and obeys none (COM_RC_IN_MODE = 4), it flies the last one on.
+rates are partly ignored, takes thrust 0.5 as holding the height, obeys set-points in GUIDED and attitudes alone in
+GUIDED_NOGPS, holds when they stop, and refuses a plain disarm while the deck moves; PX4 gives OFFBOARD only after
+set-points, leaves it without them, and says a heartbeat a second whatever rate it is asked for, and one whenever one is
+requested; where it is to wait for sticks without set-points, and obeys none (COM_RC_IN_MODE = 4), it flies the last one
+on.
 
 Words on standard input: `mode N`, `sticks ROLL PITCH THROTTLE YAW` (pulse widths; the rest stay, and none is no
 receiver), `silent S`, `mute S` (it hears and obeys, and says nothing), `lag S` (what it says comes so late), `set NAME
@@ -39,7 +40,7 @@ PX4_PARAMETERS = {
     "MPC_THR_HOVER": 0.4, "COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 0.0, "GF_ACTION": 2.0,
     "GF_MAX_HOR_DIST": 150.0,
 }  # fmt: skip
-GUIDED, OFFBOARD = 4, 6 << 16
+GUIDED, GUIDED_NOGPS, OFFBOARD = 4, 20, 6 << 16
 
 
 class Autopilot:
@@ -106,7 +107,7 @@ class Autopilot:
         if math.isfinite(self.target_s):
             self.gaps_s.append(now_s - self.target_s)
         self.target_s = now_s
-        if self.mode == (OFFBOARD if self.px4 else GUIDED):
+        if self.mode == (OFFBOARD if self.px4 else GUIDED) or (self.mode == GUIDED_NOGPS and kind == "tilt"):
             self.target = (kind, values)
 
     def on_set_attitude_target(self, it: Any) -> None:

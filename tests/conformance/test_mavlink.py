@@ -658,16 +658,25 @@ def restart(_: MavlinkVehicle, autopilot: StandIn) -> None:
     autopilot.say("reboot")
 
 
-def stray_disarmed_heartbeat(vehicle: MavlinkVehicle, _: StandIn) -> None:
+def stray_disarmed_heartbeat(vehicle: MavlinkVehicle, _: StandIn, mode: int | None = None) -> None:
     """As of a second vehicle with the same id; the vehicle's own come ten times a second."""
-    link, mode = vehicle.session.link, vehicle.session.state.mode
-    beat = dialect.MAVLink_heartbeat_message(2, vehicle.session.state.autopilot, 1, mode, 4, 3)
+    link, state = vehicle.session.link, vehicle.session.state
+    beat = dialect.MAVLink_heartbeat_message(2, state.autopilot, 1, state.mode if mode is None else mode, 4, 3)
     link.take(Codec(1, 1).encode(beat), link._peer, time.monotonic())
+
+
+def stray_heartbeat_of_a_spare(vehicle: MavlinkVehicle, autopilot: StandIn) -> None:
+    """STABILIZE, or a PX4's mode without a name: it stands on the deck, and was switched on just now."""
+    stray_disarmed_heartbeat(vehicle, autopilot, 0)
 
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
 @pytest.mark.parametrize(
-    ("happens", "reason"), [(restart, "restarted"), (stray_disarmed_heartbeat, "motors have stopped")]
+    ("happens", "reason"),
+    [
+        (restart, "restarted"),
+        *((stray, "motors have stopped") for stray in (stray_disarmed_heartbeat, stray_heartbeat_of_a_spare)),
+    ],
 )
 def test_a_vehicle_that_flies_on_in_our_mode_is_left_holding_whatever_ended_the_flight(
     kind: str, happens: Callable[[MavlinkVehicle, StandIn], None], reason: str
@@ -680,6 +689,24 @@ def test_a_vehicle_that_flies_on_in_our_mode_is_left_holding_whatever_ended_the_
         vehicle.close()  # as the loop does at once
         report = autopilot.report()
         assert (report["mode"], report["target"]) == (HOLDS[kind], "hold")
+
+
+def test_a_vehicle_that_flies_tilts_alone_is_left_level() -> None:
+    """GUIDED_NOGPS flies no velocity of zero, and BRAKE is denied there; no other set-point need leave by then."""
+    with bench(engagement=Engagement()) as (vehicle, autopilot, _), opening(vehicle) as ended:
+        autopilot.say("mode 5")
+        until(lambda: vehicle._opening and "LOITER" in vehicle.in_command)
+        autopilot.say("mode 20")
+        assert ended() == ""
+        assert fly(vehicle, 0.5, *FORWARD)
+        assert vehicle._pace is not None
+        vehicle._pace.stop()
+        tilted = autopilot.report()
+        autopilot.say("deny 17")
+        vehicle.close()
+        level = autopilot.report()
+        pitches_deg = [math.degrees(each["values"][1]) for each in (tilted, level)]
+        assert pitches_deg == pytest.approx([-3.0, 0.0], abs=0.01)
 
 
 @pytest.mark.parametrize("next_mode", [None, 5])

@@ -84,9 +84,11 @@ class Control:
             return
         if after.clock.restarts or (before.armed and not after.armed):
             self.over = self.over or (_RESTARTED if after.clock.restarts else MOTORS_STOPPED)
+        if not self._flies(after):
+            return
         if not ours or (self.lands(before) and not self.lands(after)):
             self.lose(f"the pilot took over: {mode_name(after)}")
-        elif self._flies(after) and after.sticks_us is not before.sticks_us and self._moved_sticks(after.sticks_us):
+        elif after.sticks_us is not before.sticks_us and self._moved_sticks(after.sticks_us):
             self.by_sticks = True
             self.lose("the pilot moved the sticks")
 
@@ -117,7 +119,7 @@ class Control:
         return f"nobody: {self.lost or self.over or f'{mode_name(state)} is not handed over'}"
 
     def _flies(self, state: AutopilotState) -> bool:
-        """Whether there is something to hold once the flight is over: a disarmed vehicle is sent nothing."""
+        """Whether there is something to hold, or to take, once the flight is over: a disarmed vehicle is neither's."""
         return state.armed or not self.over
 
     def _moved_sticks(self, sticks_us: tuple[int, ...]) -> bool:

@@ -146,9 +146,7 @@ class MavlinkVehicle(SetpointVehicle):
                 self._await_heartbeat(session)
             if self._control.answers_for(session.state):
                 self._control.released = True
-                session.link.send(
-                    velocity_message(HOLD, session.link.vehicle, int(1e3 * time.monotonic()) & 0xFFFFFFFF)
-                )
+                self._set_point(HOLD, session.state, 0.0, int(1e3 * time.monotonic()) & 0xFFFFFFFF)
                 session.ask_hold(self._control.answers_for)
             until_s = time.monotonic() + (HAND_OVERS + 1) * _HAND_OVER_S
             while self._control.by_sticks and time.monotonic() < until_s:
