@@ -41,7 +41,7 @@ def test_it_looks_at_everything(capsys, monkeypatch, tmp_path):
 
 
 def test_an_extra_that_is_installed_and_broken_is_none(capsys, monkeypatch, tmp_path):
-    for module in ("osqp", "rosbags"):
+    for module in ("osqp", "rosbags", "serial"):
         (tmp_path / module).mkdir()
         (tmp_path / module / "__init__.py").write_text("raise ImportError('libowl.so.3: cannot open shared object')")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
@@ -50,7 +50,7 @@ def test_an_extra_that_is_installed_and_broken_is_none(capsys, monkeypatch, tmp_
     Doctor().run()
     installed.cache_clear()
     said = lines(capsys)
-    for name in ("mpc", "ros2"):
+    for name in ("mpc", "ros2", "mavlink"):
         assert said[f"extra {name}"].startswith("- ")
         assert "broken: ImportError: libowl.so.3: cannot open shared object" in said[f"extra {name}"]
     assert said["extra plots"].startswith("ok ")

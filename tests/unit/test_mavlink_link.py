@@ -445,6 +445,30 @@ def test_an_autopilot_that_restarted_before_the_hand_over_is_not_ours(asking: bo
         assert (control.has(guided), control.lost) == (False, "the autopilot has restarted")
 
 
+@pytest.mark.parametrize("what", ["restart", "disarmed", "a spare"])
+def test_what_ends_the_flight_leaves_it_ours_to_hold_until_a_person_takes_it(what: str) -> None:
+    guided = AutopilotState(autopilot=ARDUPILOT, mode=4, armed=True)
+    restarted = replace(guided, clock=replace(guided.clock, restarts=1))
+    happened = {
+        "restart": restarted,
+        "disarmed": replace(guided, armed=False),
+        "a spare": replace(guided, armed=False, mode=0),
+    }
+    ours = restarted if what == "restart" else guided
+    control = Control(80)
+    control.begin(guided, asking=True)
+    control.see(guided, guided)
+    control.see(guided, happened[what])
+    assert control.over
+    assert control.has(happened[what]) == (what == "restart")  # nothing is sent to one that says it is disarmed
+    control.see(happened[what], ours)
+    assert control.has(ours)
+    loiter = replace(ours, mode=5)
+    control.see(ours, loiter)
+    control.see(loiter, ours)
+    assert (control.has(ours), control.lost) == (False, "the pilot took over: LOITER")
+
+
 def test_a_vtol_in_forward_flight_is_not_ours() -> None:
     made, _ = session()
     feed(made, m.MAVLink_heartbeat_message(22, PX4, 129, 6 << 16, 4, 3), 100.0)

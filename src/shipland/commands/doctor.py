@@ -21,7 +21,7 @@ Finding = tuple[State, str, str]
 """One line: its state, what was looked at, what was found and what to do."""
 _AUTOPILOTS = {"ArduCopter": "SHIPLAND_ARDUCOPTER", "PX4": "SHIPLAND_PX4"}
 _LEAST_FREE_GB = 1.0
-_USED = {"mavlink": "pymavlink.dialects.v20.ardupilotmega", "ros2": "rosbags.typesys, cyclonedds.core"}
+_USED = {"mavlink": "pymavlink.dialects.v20.ardupilotmega, serial", "ros2": "rosbags.typesys, cyclonedds.core"}
 """What is used of an extra, where its own module imports nothing."""
 _IMPORT_S = 120.0
 """Timeout of an import; on a busy machine torch takes half a minute."""
