@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -13,6 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from shipland.commands.options import command_line
 from shipland.errors import VehicleError
 from shipland.messages import TouchdownVerdict
 from shipland.vehicles import camera_stream
@@ -278,6 +280,19 @@ def test_a_camera_is_one_by_its_lasting_name_too(url: str, kind: str | None, mon
     with pytest.raises(VehicleError, match="No such file"):
         list(VideoSource(url, LATENCY_S, (64, 36), 5.0).pictures())
     assert formats == [kind]
+
+
+@pytest.mark.parametrize("colon", [":", "%3A"])
+def test_a_cameras_password_is_in_no_words_and_in_no_log(colon: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Why a flight was over, and its command line, stand in logs that are passed on."""
+    at, slashes = ("@", "//") if colon == ":" else ("%40", "%2F%2F")
+    url = f"rtsp{colon}{slashes}me{colon}secret{at}127.0.0.1{colon}1/live"
+    if colon == ":":
+        with pytest.raises(VehicleError, match=r"camera rtsp://me:\*\*\*@127\.0\.0\.1:1/live: "):
+            list(VideoSource(url, LATENCY_S, (64, 36), 5.0).pictures())
+    monkeypatch.setattr(sys, "argv", ["shipland", "fly", "--vehicle", f"mavlink://udp:h:1?camera={url}&key=a@b"])
+    assert "secret" not in command_line()
+    assert "key=a@b" in command_line()
 
 
 def test_a_source_whose_pictures_are_all_broken_is_opened_again(

@@ -172,7 +172,7 @@ class Fly(ScenarioOptions):
         from shipland.scenario.fly import fly_quietly
         from shipland.scenario.real_vehicle import checklist, make_vehicle, rehearse_vision, require_passed
         from shipland.stopping import check_stop, stop_requests
-        from shipland.vehicles.address import vehicle_table
+        from shipland.vehicles.address import vehicle_table, without_password
         from shipland.vehicles.checks import Check
         from shipland.vehicles.vehicle import Real
 
@@ -190,7 +190,7 @@ class Fly(ScenarioOptions):
             rehearsed = fly_quietly(scenario, self.pilot, "geometric", self.seed, on_cycle=lambda _: check_stop())
             rehearse_vision(scenario, self.vision, vehicle)
             check_stop()
-        terminal.say(f"connecting to {address}")
+        terminal.say(f"connecting to {without_password(address)}")
         vehicle.connect()
         try:
             time.sleep(_LISTENING_S)

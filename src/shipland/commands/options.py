@@ -128,8 +128,10 @@ def say_if_broken_off(log: Path, cycles: int, complete: bool) -> None:
 
 
 def command_line() -> str:
-    """The command as it was typed."""
-    return shlex.join(["shipland", *sys.argv[1:]])
+    """The command as it was typed, but for a camera's password: logs are passed on."""
+    from shipland.vehicles.address import without_password
+
+    return without_password(shlex.join(["shipland", *sys.argv[1:]]))
 
 
 def names_of(option: str, text: str) -> tuple[str, ...]:

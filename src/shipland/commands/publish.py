@@ -40,6 +40,7 @@ class Publish(ScenarioOptions):
         """Publish until a recording ends or Ctrl-C; VehicleError once camera or link fail."""
         from shipland.errors import ConfigError, VehicleError
         from shipland.scenario.real_vehicle import make_vehicle
+        from shipland.vehicles.address import without_password
         from shipland.vehicles.ros2.vehicle import Ros2Vehicle
         from shipland.vehicles.setpoint_vehicle import SetpointVehicle
 
@@ -50,7 +51,7 @@ class Publish(ScenarioOptions):
         vehicle = cast("MavlinkVehicle | Ros2Vehicle", made)
         if self.position and isinstance(vehicle, Ros2Vehicle):
             raise ConfigError("--position is for an autopilot: ROS 2 gets the cue's pose without it")
-        say(f"connecting to {self.vehicle}")
+        say(f"connecting to {without_password(self.vehicle)}")
         vehicle.connect()
         try:
             count = self._publish(vehicle, scenario)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +12,17 @@ from urllib.parse import parse_qsl
 from shipland.camera import Camera
 from shipland.config import merge, packaged_toml, sections
 from shipland.errors import ConfigError
+
+_PASSWORD = re.compile(r"((?:://|%3A%2F%2F)[^/?&@:%\s]*(?::|%3A))(?:(?!%40)[^/?&@\s])+(?=@|%40)", re.IGNORECASE)
+
+
+def without_password(text: str) -> str:
+    """An address, or a command line with one, as it may be shown and written down.
+
+    >>> without_password("rtsp://me:secret@192.168.1.5:554/live")
+    'rtsp://me:***@192.168.1.5:554/live'
+    """
+    return _PASSWORD.sub(r"\1***", text)
 
 
 @dataclass(frozen=True)

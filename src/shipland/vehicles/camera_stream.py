@@ -17,6 +17,7 @@ from shipland.config import key, parameters
 from shipland.errors import VehicleError
 from shipland.extras import require
 from shipland.messages import GimbalAttitude, GroundTruth, TouchdownVerdict
+from shipland.vehicles.address import without_password
 from shipland.vehicles.checks import rate_hz
 
 _WINDOW_S = 10.0
@@ -280,6 +281,7 @@ class VideoSource(PictureSource):
 
     def __init__(self, url: str, latency_s: float, size_px: tuple[int, int], open_timeout_s: float) -> None:
         self._url, self._size_px, self._timeout_s = url, size_px, open_timeout_s
+        self._name = without_password(url)
         self._is_device = url.startswith(("/dev/video", "/dev/v4l/"))
         recorded = "filesrc" in url or url.startswith("file://")
         self._live = not recorded and (self._is_device or url.startswith("gst:") or "://" in url)
@@ -294,25 +296,25 @@ class VideoSource(PictureSource):
         for image, stamp_s in decoded:
             arrived_s = time.monotonic()
             height_px, width_px = image.shape[:2]
-            if wrong := wrong_size(f"{self._url} gives pictures", (width_px, height_px), self._size_px):
+            if wrong := wrong_size(f"{self._name} gives pictures", (width_px, height_px), self._size_px):
                 raise VehicleError(wrong)
             exposed_s = self._clock.exposed_s(stamp_s, arrived_s)
             if exposed_s is not None:
                 used_s = arrived_s
                 yield StreamedPicture(image, exposed_s, arrived_s)
             elif self._live and arrived_s - used_s > REFUSED_S:
-                raise VehicleError(f"camera {self._url}: its pictures come more than {_LATEST_S:g} s late")
+                raise VehicleError(f"camera {self._name}: its pictures come more than {_LATEST_S:g} s late")
             if self._closed:
                 return
         if self._live and not self._closed:
-            raise VehicleError(f"camera {self._url}: the stream has ended")
+            raise VehicleError(f"camera {self._name}: the stream has ended")
 
     def close(self) -> None:
         """See `PictureSource`."""
         self._closed = True
 
     def _decoded(self) -> Iterator[tuple[npt.NDArray[np.uint8], float | None]]:
-        require("film", f"camera {self._url}", VehicleError)
+        require("film", f"camera {self._name}", VehicleError)
         import av
 
         options = {"fflags": "nobuffer", "flags": "low_delay"}
@@ -326,7 +328,7 @@ class VideoSource(PictureSource):
             self._timeout_s = min(self._timeout_s, _REOPEN_TIMEOUT_S)
             with container:
                 if not container.streams.video:
-                    raise VehicleError(f"{self._url} holds no video stream")
+                    raise VehicleError(f"{self._name} holds no video stream")
                 stream = container.streams.video[0]
                 stream.thread_type = "SLICE"  # frame threads hold pictures back
                 for picture in _pictures(container, stream):
@@ -336,7 +338,7 @@ class VideoSource(PictureSource):
                         time.sleep(max(0.0, begun_s + stamp_s - first_s - time.monotonic()))
                     yield np.asarray(picture.to_ndarray(format="bgr24"), np.uint8), stamp_s
         except (av.error.FFmpegError, OSError) as error:
-            raise VehicleError(f"camera {self._url}: {error.strerror or error}") from None
+            raise VehicleError(f"camera {self._name}: {error.strerror or error}") from None
 
     def _gstreamer(self) -> Iterator[tuple[npt.NDArray[np.uint8], float | None]]:
         import cv2
@@ -344,7 +346,7 @@ class VideoSource(PictureSource):
         capture = cv2.VideoCapture(self._url.removeprefix("gst:"), cv2.CAP_GSTREAMER)
         if not capture.isOpened():
             raise VehicleError(
-                f"camera {self._url}: the pipeline does not run; it must end in an appsink, and OpenCV must be built "
+                f"camera {self._name}: the pipeline does not run; it must end in an appsink, and OpenCV must be built "
                 "with GStreamer (the pip package is not: use the distribution's python3-opencv)"
             )
         try:
@@ -354,7 +356,7 @@ class VideoSource(PictureSource):
                     return
                 if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
                     got = f"{image.shape} {image.dtype}"
-                    raise VehicleError(f"camera {self._url}: gives {got}; end it in video/x-raw,format=BGR ! appsink")
+                    raise VehicleError(f"camera {self._name}: gives {got}; end it in video/x-raw,format=BGR ! appsink")
                 yield np.asarray(image, np.uint8), None
         finally:
             capture.release()
