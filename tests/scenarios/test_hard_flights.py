@@ -1,5 +1,6 @@
 """Whole flights that something makes hard: spoiled data, another side, a mirrored or wrong cue, a weak motor, way."""
 
+import numpy as np
 import pytest
 
 from shipland.config import merge
@@ -72,6 +73,26 @@ def test_a_swing_with_full_sticks_ends():
     landing = land_quietly(FlightJob(load_scenario("ship-sea5", fault=faults), "horizon", "geometric", seed=58))
     assert landing.landed, landing.reason
     assert landing.time_s < 40.0
+
+
+@pytest.mark.parametrize("profile", ["anafi", "mavlink"])
+def test_speed_sticks_stay_calm_where_pictures_are_a_frame_older_than_stamped(profile):
+    """Nor is it found in flight; undamped, sticks swing by 20 to 30 %."""
+    scenario = load_scenario(
+        "rig-natops",
+        fault=[{"kind": "old_pictures", "start_s": 8.0, "duration_s": 600.0, "size": 0.03}],
+        time_limit_s=22.0,
+        **{
+            "aircraft.loop.kind": "velocity",
+            "delays.telemetry.profile": profile,
+            "wind.mean_mps": 1.0,
+            "guidance.horizon.latency.deviation_s": 0.0,
+            "guidance.modes.settle_s": 60.0,
+        },
+    )
+    _, rows = flown(scenario, 3)
+    waiting = [row.decision.command.sticks_percent[:2] for row in rows if row.telemetry.t_s > 16.0]
+    assert np.std(waiting, axis=0).max() < 6.0  # %
 
 
 @pytest.mark.parametrize("seed", [7, 10])

@@ -45,7 +45,11 @@ def _closed(motion, wave, true_motion=None):
     push = push[:, 0]
     big = np.zeros((STATES + 1, STATES + 1))
     big[:STATES, :STATES], big[:STATES, INPUT], big[INPUT, INPUT] = transition, push, 1.0
-    return big - np.outer(np.append(push, 1.0), gains_of(motion, NOISE, wave, PARAMETERS.weights, 33).steady)
+    return big - np.outer(np.append(push, 1.0), gains_of(motion, NOISE, wave, _weights(motion), 33).steady)
+
+
+def _weights(motion):
+    return PARAMETERS.weights_servo if motion.servo_per_s > 0.0 else PARAMETERS.weights
 
 
 @pytest.mark.parametrize("motion", [TILT, SERVO])
@@ -58,7 +62,7 @@ def test_the_loop_is_stable_for_vehicles_that_answer_faster_and_slower(motion, l
 @pytest.mark.parametrize("motion", [TILT, SERVO])
 def test_a_swing_followed_by_half_is_half_of_the_swing_in_the_gains(motion):
     ships = (replace(SHIP, deck_shares=(it, 0.0, 0.0, 0.0)) for it in (1.0, 0.5))
-    whole, half = (gains_of(motion, NOISE, ship, PARAMETERS.weights, 33) for ship in ships)
+    whole, half = (gains_of(motion, NOISE, ship, _weights(motion), 33) for ship in ships)
     halved = np.ones(STATES + 1)
     halved[WAVE : WAVE + WAVE_STATES] = 0.5
     assert np.abs(whole.steady[WAVE : WAVE + WAVE_STATES]).max() > 0.1
@@ -80,7 +84,7 @@ def test_a_steady_push_leaves_no_steady_offset(motion):
 
 def test_the_model_of_a_servo_with_an_integral_is_that_of_its_loop_and_its_gains_hold_the_place():
     motion = AxisModel(0.125, 0.0, 2.0, integral_per_s2=1.0, approach_per_s=2.0, smoothing_s=0.15)
-    steady = gains_of(motion, NOISE, STILL, PARAMETERS.weights, 33).steady
+    steady = gains_of(motion, NOISE, STILL, PARAMETERS.weights_servo, 33).steady
 
     def servo(_, x, asked_mps, wind_mps2):
         _, speed, thrust, integral, tracked, rate = x

@@ -175,9 +175,8 @@ class Safety:
     def _at_contact_height(self, t_s: float) -> bool:
         """Whether a fresh sight shows the aircraft over the deck, and low enough to touch it."""
         limits, place_m = self._parameters, self._estimate.place_at(t_s, self._parameters.contact_sight_s)
-        if place_m is None or not self._over_deck(place_m):
-            return False
-        return self._estimate.deck_down_m - place_m[2] <= limits.contact_height_m
+        low = place_m is not None and self._estimate.deck_down_m - place_m[2] <= limits.contact_height_m
+        return low and self._over_deck(place_m)
 
     def _bounded(self, command: PilotCommand, look: Look, notes: list[str]) -> PilotCommand:
         """Inside fence, floor and clearance; a ditching that was asked for has no floor."""
@@ -195,7 +194,7 @@ class Safety:
                 return command
             notes.append("fence: too high")
         elif command.heave_percent < 0.0:
-            if command.intent is Intent.LAND and look.place_m is not None and self._over_deck(look.place_m):
+            if command.intent is Intent.LAND and self._over_deck(look.place_m):
                 return command
             sink_m = _LOOK_AHEAD_S * estimate.sink_mps
             if over_deck_m is not None:
@@ -210,7 +209,9 @@ class Safety:
                 notes.append("floor: height unknown")
         return replace(command, heave_percent=0.0)
 
-    def _over_deck(self, place_m: Place) -> bool:
+    def _over_deck(self, place_m: Place | None) -> bool:
+        if place_m is None:
+            return False
         aside_m = max(
             abs(place - float(deck)) for place, deck in zip(place_m[:2], self._deck_in_bar_m[:2], strict=True)
         )

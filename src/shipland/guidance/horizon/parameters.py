@@ -182,7 +182,12 @@ class HorizonParameters:
     latency: LatencyParameters = LatencyParameters()
     gain: GainParameters = GainParameters()
     wave: WaveParameters = WaveParameters()
-    weights: Weights = key(Weights(), "with the vehicle's velocity")
+    weights: Weights = key(Weights(), "with the vehicle's velocity, where sticks mean a tilt")
+    weights_servo: Weights = key(
+        Weights(acceleration=0.006, input_rate=1e-5),
+        "likewise of one that tracks a velocity: lighter ones are undamped by a delay of one picture",
+        "measured: docs/results/guidance.md",
+    )
     weights_blind: Weights = key(
         Weights(speed=0.025, acceleration=0.004, input_rate=0.0001), "without the vehicle's velocity"
     )

@@ -236,9 +236,10 @@ class Regulator:
         """Those of the nearest length of cycle; `gentle` ones are for large errors and for pictures alone."""
         step_ms = min(_STEPS_MS, key=lambda ms: abs(ms - 1e3 * cycle_s))
         parameters, motion = self._parameters, estimate.actuation.motion
-        noise = parameters.horizontal_servo if motion.servo_per_s > 0.0 else parameters.horizontal
-        weights = parameters.weights_blind if gentle else parameters.weights
-        return gains_of(motion, noise, estimate.wave, weights, step_ms)
+        noise, weights = parameters.horizontal, parameters.weights
+        if motion.servo_per_s > 0.0:
+            noise, weights = parameters.horizontal_servo, parameters.weights_servo
+        return gains_of(motion, noise, estimate.wave, parameters.weights_blind if gentle else weights, step_ms)
 
     def at_contact(
         self, estimate: Estimated, reference: Reference, gains: Gains, contact_s: float
