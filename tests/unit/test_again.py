@@ -12,6 +12,7 @@ from made_up_flight import INFO, flight, write_log
 
 from shipland.api import fly
 from shipland.commands.again import Again
+from shipland.commands.replay import Replay
 from shipland.errors import ConfigError, DataError
 from shipland.flight import FlightResult
 from shipland.record.reader import read_log
@@ -35,6 +36,12 @@ def test_the_same_code_flies_the_same_flight(flown, tmp_path, capsys):
     assert capsys.readouterr().out.splitlines()[-1] == "the same flight, bit for bit"
     assert (tmp_path / "side-by-side.png").stat().st_size > 10_000
     assert read_log(tmp_path / "flight.mcap").header.info.seed == 4
+
+
+def test_a_flights_folder_stands_for_its_log(flown, tmp_path, capsys):
+    assert Again(flown.parent, out=tmp_path).run() == 1
+    assert Replay(recording=flown.parent).run() == 0
+    assert "modes differ in 0 cycles" in capsys.readouterr().out
 
 
 def test_an_output_that_failed_is_told(flown, tmp_path, monkeypatch):

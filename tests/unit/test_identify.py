@@ -28,6 +28,7 @@ from shipland.messages import (
     PilotCommand,
     Telemetry,
 )
+from shipland.record.info import FlightInfo
 from shipland.scenario.autonomy import build_vehicle, response_of
 from shipland.scenario.real_vehicle import identified, make_vehicle
 from shipland.scenario.scenario import load_scenario
@@ -230,8 +231,30 @@ def test_from_a_flights_log_to_the_pilot_of_every_vehicle(without_plots: None, t
     assert (ardupilot.lag_s, ardupilot.turn_lag_s) == pytest.approx((simulated.lag_s, simulated.turn_lag_s))
 
 
+def info_of(kind: str, command: str = "shipland fly") -> FlightInfo:
+    """Of a flight in whose configuration the simulated aircraft's sticks are of a kind."""
+    return FlightInfo("near", 1, "horizon", "0", "0", 0.3, command=command, configuration=CONFIGURATION % kind)
+
+
+CONFIGURATION = '{"aircraft": {"loop": {"kind": "%s"}}}'
+
+
+def test_a_simulated_flight_that_tells_another_kind_than_flew_is_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A landing hardly changes its sticks: a tilt that is held looks like a speed."""
+    info, out = info_of("attitude"), tmp_path / "vehicle.toml"
+    log = SimpleNamespace(records=flown("velocity"), header=SimpleNamespace(info=info))
+    monkeypatch.setattr("shipland.record.reader.read_log", lambda _path: log)
+    with pytest.raises(DataError, match=r"meant a tilt, but explain a speed better.*fly one in which every stick"):
+        Identify(tmp_path / "flight.mcap", out).run()
+    assert not out.exists()
+    log.header.info = info_of("attitude", "shipland fly --vehicle mavlink://udp:127.0.0.1:14550")
+    assert Identify(tmp_path / "flight.mcap", out).run() == 0  # what flew is another aircraft
+
+
 def test_the_name_of_a_log_may_be_no_utf_8(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    log = SimpleNamespace(records=flown("attitude"))
+    log = SimpleNamespace(records=flown("attitude"), header=SimpleNamespace(info=info_of("attitude")))
     monkeypatch.setattr("shipland.record.reader.read_log", lambda _path: log)
     assert Identify(tmp_path / os.fsdecode(b"fl\xfcg.mcap"), tmp_path / "vehicle.toml").run() == 0
     assert (tmp_path / "vehicle.toml").read_text(encoding="utf-8").startswith("# shipland identify fl?g.mcap\n")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,7 +32,7 @@ class Again:
     """
 
     log: PathArgument
-    """Log (flight.mcap) of a simulated flight, or the folder of a campaign's cell."""
+    """Log (flight.mcap) of a simulated flight or its folder, or the folder of a campaign's cell."""
     seed: int | None = None
     """Which flight of a cell."""
     changes: Changes = ()
@@ -57,12 +55,13 @@ class Again:
         from shipland.evaluation.replays import flown_in_cell
         from shipland.record.reader import read_log
         from shipland.report.again import comparison, plot_pair, versions
-        from shipland.report.outputs import LOG_NAME
+        from shipland.report.outputs import LOG_NAME, log_in
         from shipland.scenario.autonomy import response_of
         from shipland.scenario.real_vehicle import identified
 
-        if not self.log.is_dir():
-            known = self._of_a_log()
+        log = log_in(self.log)
+        if not log.is_dir():
+            known = self._of_a_log(log)
         elif self.seed is None:
             raise ConfigError(f"{self.log} is a folder: say which of its flights, as --seed 7")
         else:
@@ -94,22 +93,19 @@ class Again:
         say(f"{out}: {', '.join(sorted(path.name for path in out.iterdir() if path.is_file()))}")
         return 0 if flight.success else 1
 
-    def _of_a_log(self) -> PastFlight:
+    def _of_a_log(self, log: Path) -> PastFlight:
         """A simulated flight's log; DataError for another's."""
         from shipland.evaluation.replays import PastFlight, flown_setup
         from shipland.record.reader import read_log
 
         if self.seed is not None:
-            raise ConfigError(f"--seed {self.seed}: {self.log} holds one flight; a seed is for the folder of a cell")
-        before = read_log(self.log)
+            raise ConfigError(f"--seed {self.seed}: {log} holds one flight; a seed is for the folder of a cell")
+        before = read_log(log)
         info = before.header.info
-        words = []
-        with suppress(ValueError):  # not typed in a shell: a text that a program gave
-            words = [word.partition("=")[0] for word in shlex.split(info.command)]
-        if info.seed is None or "--vehicle" in words:
-            raise DataError(f"{self.log} is no flight of the simulator: only that can be flown again; see `replay`")
-        if "--vehicle-config" in words and self.vehicle_config is None:
+        if info.seed is None or not info.is_simulated:
+            raise DataError(f"{log} is no flight of the simulator: only that can be flown again; see `replay`")
+        if "--vehicle-config" in info.options() and self.vehicle_config is None:
             say("it was flown with --vehicle-config, which the log does not hold: give it again")
-        scenario, pilot, vision = flown_setup(before, self.log, self.pilot, self.vision, self.changes)
+        scenario, pilot, vision = flown_setup(before, log, self.pilot, self.vision, self.changes)
         version = info.code_version or info.software_version
-        return PastFlight(scenario, pilot, vision, info.seed, version, Path("out/again"), self.log)
+        return PastFlight(scenario, pilot, vision, info.seed, version, Path("out/again"), log)

@@ -20,7 +20,7 @@ class Bag:
     """
 
     log: PathArgument
-    """Log of a flight, its flight.mcap."""
+    """Log of a flight (flight.mcap), or its folder."""
     out: Path = Path("out/bag")
     """Folder of the bag; must not be there yet."""
     namespace: str = "drone"
@@ -28,8 +28,9 @@ class Bag:
 
     def run(self) -> int:
         """Write it and print what it holds."""
+        from shipland.report.outputs import log_in
         from shipland.report.ros2_bag import write_bag
 
-        for topic, count in write_bag(self.log, self.out, self.namespace).items():
+        for topic, count in write_bag(log_in(self.log), self.out, self.namespace).items():
             print(f"{count:6d}  {topic}")
         return 0

@@ -36,7 +36,7 @@ class Replay(ScenarioOptions):
     """
 
     recording: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="[FILE]")] = Path("out/flight/flight.mcap")
-    """A flight log, or a video."""
+    """A flight log or its folder, or a video."""
     pilot: str = ""
     """Who flies, as in `shipland fly`; not given: who flew the log."""
     vision: str = ""
@@ -55,15 +55,17 @@ class Replay(ScenarioOptions):
     def run(self) -> int:
         """Replay and print what differs; 1 where the log breaks off."""
         from shipland.evaluation.replays import differences
+        from shipland.report.outputs import log_in
 
         written = [path for path in (self.out, self.viewer_file) if path is not None]
-        refuse_written_over(written, [self.recording, self.calibration, self.config])
+        path = log_in(self.recording)
+        refuse_written_over(written, [path, self.calibration, self.config])
         check_between(-90.0, 90.0, pitch_deg=self.pitch_deg)
-        recording = self._recording()
+        recording = self._recording(path)
         print(*differences(self._replayed(recording)), sep="\n")
         if written:
             say(f"written: {', '.join(map(str, written))}")
-        say_if_broken_off(self.recording, len(recording.records), recording.complete)
+        say_if_broken_off(path, len(recording.records), recording.complete)
         return 0 if recording.complete else 1
 
     def _replayed(self, recording: Recording) -> list[Pair]:
@@ -83,17 +85,17 @@ class Replay(ScenarioOptions):
                 sinks.append(viewer.show)
             return replay(recording, lambda record: [sink(record) for sink in sinks])
 
-    def _recording(self) -> Recording:
+    def _recording(self, path: Path) -> Recording:
         from shipland.calibration_file import read_calibration
         from shipland.evaluation.replays import recorded_film, recorded_flight
         from shipland.vision.pictures import is_video
 
-        if is_video(self.recording):
+        if is_video(path):
             pilot, vision = self.pilot or "horizon", self.vision or "rendered"
             if self.calibration is None:
                 say("camera: that of the scenario; --calibration gives another")
             camera = None if self.calibration is None else read_calibration(self.calibration)
-            return recorded_film(self.recording, self.load(), pilot, vision, self.pitch_deg, camera)
+            return recorded_film(path, self.load(), pilot, vision, self.pitch_deg, camera)
         if self.calibration is not None or self.pitch_deg:
-            raise ConfigError(f"--calibration and --pitch-deg are of a video; the log {self.recording} holds its own")
-        return recorded_flight(self.recording, self.pilot, self.vision, self.changes)
+            raise ConfigError(f"--calibration and --pitch-deg are of a video; the log {path} holds its own")
+        return recorded_flight(path, self.pilot, self.vision, self.changes)

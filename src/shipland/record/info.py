@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shlex
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -56,6 +58,17 @@ class FlightInfo:
             return dict(renamed(json_of(self.configuration)))
         except (TypeError, ValueError) as error:
             raise DataError(f"the log's configuration cannot be read: {error}") from None
+
+    def options(self) -> list[str]:
+        """Words of the command line, options without their values; none where it was not typed in a shell."""
+        with suppress(ValueError):
+            return [word.partition("=")[0] for word in shlex.split(self.command)]
+        return []
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the simulated aircraft flew, with this configuration."""
+        return self.seed is not None and "--vehicle" not in self.options()
 
     def __post_init__(self) -> None:
         require(self.aircraft_diagonal_m > 0.0, f"aircraft_diagonal_m must be positive, got {self.aircraft_diagonal_m}")

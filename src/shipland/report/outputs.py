@@ -32,6 +32,11 @@ _MOST_ROWS, _MOST_PICTURES = 3000, 30
 """Most rows that wait for the disk in real time, and the number of waiting rows from which pictures are left out."""
 
 
+def log_in(path: Path) -> Path:
+    """The log in a flight's folder; any other path is as it is."""
+    return path / LOG_NAME if (path / LOG_NAME).is_file() else path
+
+
 def _words(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename} cannot be written: {error.strerror}" if error.filename else error.strerror
