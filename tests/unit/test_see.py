@@ -173,13 +173,21 @@ def test_a_flight_log_is_seen_with_its_times_and_camera(tmp_path, bar_image, cap
         list(pictures_of([log_of(tmp_path, [None])]))
 
 
-def log_of(folder, images):
-    """A log of cycles a tenth of a second apart, from 5 s on."""
+def test_a_logs_pictures_have_its_attitude_where_a_detector_took_longer_than_half_a_second(tmp_path, bar_image):
+    path = log_of(tmp_path, [bar_image] * 3, apart_s=0.6)
+    assert See((path,), csv=tmp_path / "poses.csv").run() == 0
+    with (tmp_path / "poses.csv").open() as file:
+        deviations = [float(row["down_sd_m"]) for row in csv.DictReader(file)]
+    assert max(deviations) < 0.1  # without attitude half a metre
+
+
+def log_of(folder, images, apart_s=0.1):
+    """A log of cycles so far apart, from 5 s on."""
     parameters = LogParameters(image_rate_hz=30.0, image_width_px=1280, image_quality=95)
     info = FlightInfo("near", 1, "paper", "0", "0", 0.3)
     with LogWriter(folder / "log.mcap", info, Rig(), default_camera(), parameters) as log:
         for index, image in enumerate(images):
-            t_s = 5.0 + 0.1 * index
+            t_s = 5.0 + apart_s * index
             frame = Frame(t_s, image, GimbalAttitude(0.0, 0.0))
             telemetry = Telemetry(t_s, 0.0, 0.0, 0.0, 3.0, np.zeros(3), 90.0, 90.0, True)
             command = PilotCommand(t_s, 0.0, 0.0, 0.0, 0.0, 0.0)
