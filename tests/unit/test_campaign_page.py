@@ -114,6 +114,14 @@ def test_failures_link_to_their_logs_and_say_what_flies_them_again(page):
     assert f"<code>shipland again {cell} --video --seed 17</code>" in text
 
 
+def test_a_pilot_and_a_vision_of_ones_own_are_named_to_fly_again(tmp_path):
+    """`shipland again` runs no code that a folder alone names."""
+    cell = replace(made_up(tmp_path)[0], pilot="own_pilot:patient", vision="own_vision:green_box")
+    text = campaign_page([cell], ABOUT, {}, tmp_path)
+    named = "--pilot own_pilot:patient --vision own_vision:green_box --video --seed 17"
+    assert f"<code>shipland again {tmp_path / cell.name} {named}</code>" in text
+
+
 def test_every_landing_in_a_chart_is_a_flight_of_the_page(page):
     text = page.read_text()
     told = json.loads(data_of(text))

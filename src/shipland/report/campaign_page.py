@@ -31,6 +31,7 @@ from shipland.evaluation.leaderboard import (
 from shipland.evaluation.oracle import OracleRate
 from shipland.evaluation.tables import quantile
 from shipland.evaluation.tally import Tally
+from shipland.factories import is_own_code
 from shipland.report.landing_plots import pad_of
 from shipland.report.pages import html_of_table, html_table, page, page_file
 from shipland.report.svg import Column, Point, Share, colour_of, point_chart, share_chart
@@ -73,7 +74,7 @@ class PageFlights:
         """Links to what there is of a flight, and the command that flies it again."""
         links = (f'<a href="{html.escape(at, quote=True)}">{name}</a> ' for name, at in self._files(cell, landing))
         files = "".join(links)
-        again = _again(cell.logs.get(landing.seed))
+        again = _again(cell, landing)
         command = html.escape(f"{again}{landing.seed}") if again else ""
         return f"{files or 'no log '}<code>{command}</code>"
 
@@ -84,7 +85,7 @@ class PageFlights:
         rows: list[list[Any]] = []
         for at, cell in enumerate(self._cells):
             for it in cell.landings:
-                again = _again(cell.logs.get(it.seed))
+                again = _again(cell, it)
                 number = numbers.setdefault((at, again), len(told))
                 if number == len(told):
                     told.append({"name": cell.name, "pilot": cell.pilot, "version": cell.version, "again": again})
@@ -107,9 +108,14 @@ class PageFlights:
         return [(name, Path(os.path.relpath(path, self._folder)).as_posix()) for name, path in there.items()]
 
 
-def _again(logs: Path | None) -> str:
-    """What flies a seed of a cell again, before that number; empty where it lies in no folder."""
-    return "" if logs is None else f"shipland again {shlex.quote(logs.parent.as_posix())} --video --seed "
+def _again(cell: CellResult, landing: Landing) -> str:
+    """What flies a landing of a cell again, before its seed; empty where it lies in no folder. Own code is named."""
+    logs = cell.logs.get(landing.seed)
+    if logs is None:
+        return ""
+    named = {"--pilot": cell.pilot, "--vision": cell.vision}
+    own = (word for option, name in named.items() if is_own_code(name) for word in (option, name))
+    return f"{shlex.join(['shipland', 'again', logs.parent.as_posix(), *own])} --video --seed "
 
 
 _MOST_LISTED = 300
