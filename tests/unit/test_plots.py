@@ -12,7 +12,7 @@ from shipland.figures import new_figure
 from shipland.messages import Mode
 from shipland.report.landing_plots import DeckTrace, Touchdown, plot_instants, plot_touchdowns
 from shipland.report.palette import BLUE, GREEN, MODE_COLOURS, VERMILION, mode_name, unit
-from shipland.report.plots import DPI, draw_footprint, draw_pad, plot_flight, smooth
+from shipland.report.plots import DPI, draw_footprint, draw_pad, draw_up, finish_time_axes, plot_flight, smooth
 from shipland.report.views import SIDE_PX, TEXT_PX, FlightViews
 
 LOW_DPI = 60
@@ -52,6 +52,20 @@ def test_a_flight_s_picture_has_its_size_and_the_modes_colours(whole, tmp_path):
 def test_what_is_missing_is_left_out(records, verdict, unarranged, tmp_path):
     plot_flight(tmp_path / "plots.png", log_of(records, verdict), LOW_DPI)  # warnings are errors here
     assert picture(tmp_path / "plots.png").std() > 5.0
+
+
+def test_the_legend_keeps_clear_of_the_probability_of_a_landing(whole):
+    columns = whole.columns()
+    share = np.where(columns.mode_number == Mode.LAND.value, 0.97, np.nan)
+    figure = new_figure(5.2, 2.0)
+    axes = figure.add_subplot()
+    draw_up(axes, dataclasses.replace(columns, landing_probability=share))
+    finish_time_axes(axes, columns, VERDICT, last=True)
+    figure.draw_without_rendering()
+    box = axes.get_legend().get_window_extent()
+    for line in (line for each in figure.axes for line in each.lines if len(line.get_xdata()) > 2):
+        places_px = line.get_transform().transform(line.get_xydata())
+        assert not any(box.contains(*place) for place in places_px[np.isfinite(places_px).all(axis=1)])
 
 
 def test_an_empty_log_and_a_bad_place_are_said_in_words(whole, tmp_path):

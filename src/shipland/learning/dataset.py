@@ -81,7 +81,7 @@ def read_dataset(folder: Path, classes: Sequence[str] | None = None) -> Dataset:
         raise DataError(f"data set {folder} has images/ but no labels/")
     paths = sorted(path for path in images.iterdir() if path.suffix.lower() in PICTURE_SUFFIXES)
     if not paths:
-        raise DataError(f"data set {folder} holds no picture in {images}")
+        raise DataError(f"data set {folder} holds no picture in {images}; expected images/NAME.jpg, labels/NAME.txt")
     scenes, names = read_scenes(folder), tuple(classes or _class_names(folder))
     samples: list[Sample] = []
     faults: list[DataError] = []

@@ -135,8 +135,10 @@ def draw_up(axes: Axes, columns: FlightColumns) -> None:
     _draw_place(axes, columns, 2)
     axes.plot(*smooth(columns.t_s, columns.deck_shift_m[:, 2]), color=unit(GREY), label="deck's centre")
     if np.isfinite(columns.landing_probability).any():
-        shares = axes.twinx()
-        shares.plot(columns.t_s, 100.0 * columns.landing_probability, color=unit(VERMILION), linewidth=0.8)
+        shares, percent = axes.twinx(), 100.0 * columns.landing_probability
+        low, high = axes.get_ylim()
+        axes.set_ylim(low - 0.25 * (high - low), high)  # a place for the legend, which keeps clear of lines in `axes`
+        axes.plot(columns.t_s, percent, color=unit(VERMILION), linewidth=0.8, transform=shares.transData)
         shares.set_ylim(0.0, 100.0)
         shares.set_ylabel("P(landing) [%]", color=unit(VERMILION))
 
