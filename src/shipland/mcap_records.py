@@ -23,8 +23,8 @@ def mcap_records(path: Path) -> Iterator[Any]:
     from mcap.stream_reader import StreamReader
     from zstandard import ZstdError
 
-    # A damaged length asks for more than the file, the memory or a C integer holds.
-    damage = (McapError, ZstdError, struct.error, ValueError, OverflowError, MemoryError)
+    # A damaged length asks for more than the file, the memory or a C integer holds; RuntimeError is LZ4's.
+    damage = (McapError, ZstdError, RuntimeError, struct.error, ValueError, OverflowError, MemoryError)
     read = 0
     try:
         with path.open("rb") as stream:

@@ -141,6 +141,32 @@ def test_a_layout_that_is_broken_off_leaves_nothing_and_can_be_written_again(fli
     assert "lerobot" in write_dataset(flights, tmp_path / "set", HERE, lerobot=True)
 
 
+def test_a_data_set_that_is_broken_off_leaves_the_files_of_before(flights, tmp_path, monkeypatch):
+    parquet = pytest.importorskip("pyarrow.parquet", reason="a table for pandas wants the extra dataset")
+    out = tmp_path / "set"
+    write_dataset(flights, out, HERE, pictures=True)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    made_up_log(tmp_path / "flown" / "other.mcap", 3, to_s=33.5)
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    def stop_half_way(_, path):
+        path.write_bytes(b"half")
+        raise KeyboardInterrupt
+
+    for place, name, stopped, pictures in (
+        (zipfile.ZipFile, "writestr", stop, False),
+        (parquet, "write_table", stop_half_way, True),
+    ):
+        with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+            patched.setattr(place, name, stopped)
+            write_dataset(tmp_path / "flown", out, HERE, pictures=pictures)
+        for file in ("logs.zip", "pictures.parquet"):
+            assert (out / file).read_bytes() == before[file]
+    assert {path.name for path in out.iterdir()} == set(before)
+
+
 def test_lerobot_reads_it(flights, tmp_path):
     datasets = pytest.importorskip("lerobot.datasets.lerobot_dataset", reason="the layout is checked by LeRobot itself")
     write_dataset(flights, tmp_path / "set", HERE, lerobot=True)
@@ -220,6 +246,15 @@ def test_cycles_of_telemetry_alone_repeat_an_exposure(tmp_path):
     still = [replace(each, frame=seen[0].frame) for each in seen]
     with pytest.raises(DataError, match="two pictures' times"):
         write_lerobot({"still": write_log(tmp_path / "still.mcap", still)}, tmp_path / "other")
+
+
+def test_a_row_that_is_stamped_far_ahead_makes_no_endless_film(tmp_path):
+    flown = list(flight(1, 33.0, 33.5, pictures=False))
+    last = flown[-1]
+    flown[-1] = replace(last, frame=replace(last.frame, t_s=1e11))
+    log = write_log(tmp_path / "far.mcap", flown)
+    with pytest.raises(DataError, match=r"far\.mcap spans 1e\+11 s"):
+        write_lerobot({"far": log}, tmp_path / "set")
 
 
 def test_what_cannot_be_made_is_said(flights, tmp_path, monkeypatch):

@@ -154,3 +154,18 @@ def test_the_same_cue_is_the_same_file(tmp_path):
     for name in ("one.pdf", "two.pdf"):
         PrintCue(out=tmp_path / name).run()
     assert (tmp_path / "one.pdf").read_bytes() == (tmp_path / "two.pdf").read_bytes()
+
+
+def test_a_print_that_is_broken_off_is_the_one_of_before(tmp_path, monkeypatch):
+    PrintCue(out=tmp_path / "cue.pdf").run()
+    before = (tmp_path / "cue.pdf").read_bytes()
+
+    def stop_at_the_second(_, column, row):
+        if column + row:
+            raise KeyboardInterrupt
+        return []
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr("shipland.report.print_sheets._crosses", stop_at_the_second)
+        PrintCue(out=tmp_path / "cue.pdf").run()
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [before]

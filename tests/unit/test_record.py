@@ -273,6 +273,26 @@ def test_lengths_that_no_file_has_end_the_log_or_are_one_line(small_log, tmp_pat
                 assert "\n" not in str(error)
 
 
+def test_of_a_damaged_log_that_another_tool_compressed_what_is_before_it_is_read(small_log, tmp_path):
+    """LZ4's damage is an error of its own kind."""
+    path = tmp_path / "lz4.mcap"
+    with small_log.open("rb") as source, path.open("wb") as stream:
+        writer = Writer(stream, compression=CompressionType.LZ4)
+        writer.start()
+        channels = {}
+        for _, channel, message in make_reader(source).iter_messages():
+            if channel.topic not in channels:
+                channels[channel.topic] = writer.register_channel(channel.topic, channel.message_encoding, 0)
+            writer.add_message(channels[channel.topic], message.log_time, message.data, message.publish_time)
+        writer.finish()
+    whole = path.read_bytes()
+    assert len(read_log(path).records) == len(read_log(small_log).records)
+    at = whole.index(b"lz4") + 100
+    path.write_bytes(whole[:at] + bytes(300) + whole[at + 300 :])
+    with pytest.raises(DataError, match=r"lz4\.mcap"):
+        read_log(path)
+
+
 @pytest.fixture
 def logged(tmp_path):
     """Writes a log of these texts as rows, under a header."""

@@ -129,6 +129,14 @@ def test_half_a_bag_is_not_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert write_bag(log, tmp_path / "bag")["/drone/odom"] > 0
 
 
+def test_a_bag_has_no_time_beyond_what_ros_holds(tmp_path: Path) -> None:
+    cycles = list(flight(from_s=20.0, to_s=20.2))
+    far = replace(cycles[-1], frame=replace(cycles[-1].frame, t_s=1e11))
+    far = replace(far, telemetry=replace(far.telemetry, t_s=1e11))
+    counts = write_bag(write_log(tmp_path / "flight.mcap", [*cycles[:-1], far]), tmp_path / "bag")
+    assert counts["/drone/odom"] == len(cycles)
+
+
 def test_a_bag_has_no_time_below_zero_where_the_first_exposure_precedes_the_flight(tmp_path: Path) -> None:
     from rosbags.highlevel import AnyReader
 

@@ -33,7 +33,7 @@ def comparison(before: FlightLog, after: FlightLog) -> Iterator[str]:
     """A table of both, a line each, and where they part."""
     verdicts = [before.verdict, after.verdict]
     landed = ["no touchdown" if it is None else "yes" if it.success else "no" for it in verdicts]
-    rows = [["", *_NAMES], ["landed in the square", *landed]]
+    rows = [["", *_NAMES], [f"landed in the {before.header.rig.landing_area}", *landed]]
     for name, of in _FIGURES.items():
         rows.append([name, *("–" if it is None or not it.touched else f"{of(it):.2f}" for it in verdicts)])
     rows.append(["cycles", f"{len(before.records)}", f"{len(after.records)}"])
@@ -57,7 +57,8 @@ def plot_pair(path: Path, before: FlightLog, after: FlightLog) -> None:
     """Write both paths from above, their distance from the pad and their height; DataError when it cannot be."""
     with drawn(path, (10.4, 6.4), 110) as figure:
         info = before.header.info
-        figure.suptitle(f"{info.scenario}, seed {info.seed}: as it was flown, and again", fontweight="bold")
+        title = f"{info.scenario}, seed {info.seed}: as it was flown, and again"
+        figure.suptitle(title, fontweight="bold", parse_math=False)
         grid = figure.add_gridspec(3, 2, width_ratios=[1.5, 1.0])
         rows = [figure.add_subplot(grid[row, 0]) for row in range(3)]
         above = figure.add_subplot(grid[:, 1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -47,7 +48,7 @@ def benchmark_page(
     bundles: Sequence[Bundle], cells: Sequence[CellResult], oracle_rates: dict[str, OracleRate], folder: Path
 ) -> str:
     """The page, which will lie in a folder; all are compared with the first bundle's first pilot."""
-    command = " ".join(["shipland report", *(bundle.path.name for bundle in bundles)])
+    command = shlex.join(["shipland", "report", *(bundle.path.name for bundle in bundles)])
     about = read_about(bundles[0].folder) | {"command": command}
     tables = ["<h2>Entries</h2>", _entries(bundles), "<h2>All flights in pairs with the first</h2>", standings(cells)]
     return campaign_page(cells, about, oracle_rates, folder, tables)

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.landing import Conditions, Landing
@@ -101,11 +102,12 @@ class PageFlights:
         )
 
     def _files(self, cell: CellResult, landing: Landing) -> list[tuple[str, str]]:
-        """Name and path of the log and the film of a flight, where they lie."""
+        """Name and address of the log and the film of a flight, where they lie."""
         paths = {"log": f"{landing.seed}.mcap", "film": f"{landing.seed}/flight.mp4"}
         logs = cell.logs.get(landing.seed)
         there = {name: logs / path for name, path in paths.items() if logs and (logs / path).is_file()}
-        return [(name, Path(os.path.relpath(path, self._folder)).as_posix()) for name, path in there.items()]
+        addresses = {name: os.path.relpath(path, self._folder) for name, path in there.items()}
+        return [(name, quote(Path(address).as_posix(), safe="/=,")) for name, address in addresses.items()]
 
 
 def _again(cell: CellResult, landing: Landing) -> str:

@@ -19,7 +19,7 @@ from shipland.errors import ConfigError, DataError
 from shipland.evaluation.campaign import cells_file, read_cells, rows_of
 from shipland.evaluation.landing import Conditions, Landing, Phases, as_text, column_of
 from shipland.extras import installed
-from shipland.files import json_bytes, write_atomically, write_csv
+from shipland.files import json_bytes, replacing, write_atomically, write_csv
 from shipland.report.lerobot import write_lerobot
 from shipland.report.posed_pictures import MEANINGS, pack_pictures
 
@@ -125,9 +125,9 @@ def write_dataset(
         sets.append(_write_table(out / "landings", list(rows_of(cells)), files))
     if logs:
         files.append(out / "logs.zip")
-        with zipfile.ZipFile(files[-1], "w", zipfile.ZIP_STORED) as packed:  # a log is compressed
+        with replacing(files[-1]) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_STORED) as packed:
             for name, log in logs.items():
-                packed.writestr(zipfile.ZipInfo(f"{name}.mcap"), log.read_bytes())
+                packed.writestr(zipfile.ZipInfo(f"{name}.mcap"), log.read_bytes())  # a log is compressed
     flights = sum(len(cell.landings) for cell in cells) or len(logs)
     card = {
         "@context": _CONTEXT,
@@ -155,7 +155,9 @@ def _write_table(path: Path, rows: Sequence[Mapping[str, Any]], files: list[Path
         from pyarrow import parquet
 
         files.append(path.with_suffix(".parquet"))
-        parquet.write_table(pyarrow.table({name: _array(values) for name, values in columns.items()}), files[-1])
+        table = pyarrow.table({name: _array(values) for name, values in columns.items()})
+        with replacing(files[-1]) as beside:
+            parquet.write_table(table, beside)
     meanings = _BESIDE | descriptions(Landing) | descriptions(Phases) | descriptions(Conditions)
     fields = []
     for column, values in columns.items():

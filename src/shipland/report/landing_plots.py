@@ -74,7 +74,7 @@ def touchdowns_of(landings: Sequence[Landing]) -> list[Touchdown]:
 def plot_touchdowns(path: Path, touchdowns: Sequence[Touchdown], rig: Rig, title: str, dpi: int = DPI) -> None:
     """Dots on deck and landing area, with median and largest distance; DataError when it cannot be written."""
     with drawn(path, (6.2, 6.6), dpi) as figure:
-        figure.suptitle(title, fontsize=13, fontweight="bold")
+        figure.suptitle(title, fontsize=13, fontweight="bold", parse_math=False)
         draw_touchdowns(figure.add_subplot(), touchdowns, rig, "")
 
 
@@ -100,7 +100,7 @@ def draw_touchdowns(axes: Axes, touchdowns: Sequence[Touchdown], rig: Rig, title
         axes.legend(loc="lower left", bbox_to_anchor=(0.1, 0.1))
     if not touched.all():
         lines.append(f"{int((~touched).sum())} without contact")
-    axes.set_title("\n".join(lines), fontweight="normal")
+    axes.set_title("\n".join(lines), fontweight="normal", parse_math=False)
 
 
 def pad_of(rig: Rig) -> tuple[str, float, float]:
@@ -122,7 +122,7 @@ def plot_cells(cells: Sequence[CellResult]) -> Figure:
             colour = unit(SERIES[pilots.index(cell.pilot) % len(SERIES)])
             shares.plot(100 * np.array(tally.interval), [row, row], color=colour, linewidth=2.0)
             shares.plot(100 * tally.share, row, "o", color=colour)
-        shares.set_yticks(range(len(cells)), [cell.name for cell in cells])
+        shares.set_yticks(range(len(cells)), [cell.name for cell in cells], parse_math=False)
         shares.set(xlim=(-2.0, 102.0), ylim=(len(cells) - 0.5, -0.5))
         shares.set_title(f"landed in the {area_of(cell.rig for cell in cells)}, with the 95 % interval [%]")
     return figure
@@ -135,7 +135,7 @@ def plot_instants(path: Path, trace: DeckTrace, touchdowns: Sequence[Touchdown],
     """
     curves = trace.curves()
     with drawn(path, (10.4, 1.2 + 1.7 * max(len(curves), 1)), DPI) as figure:
-        figure.suptitle(title, fontsize=13, fontweight="bold")
+        figure.suptitle(title, fontsize=13, fontweight="bold", parse_math=False)
         grid = figure.add_gridspec(max(len(curves), 1), 2, width_ratios=[6, 1])
         for row, (name, values) in enumerate(curves):
             axes = figure.add_subplot(grid[row, 0])

@@ -35,6 +35,8 @@ _EVERY_PICTURE, _EVERY_PIXEL = 10, 8
 """What the pictures' statistics are of."""
 _PICTURES_KEPT = 4
 """Of each flight, for the statistics of all: a thousand flights with pictures fit in memory."""
+_LONGEST_S = 36_000.0
+"""A log that spans more has a row with a wrong time."""
 _QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 
 Columns = dict[str, npt.NDArray[Any]]
@@ -64,7 +66,8 @@ class _Flight:
 def write_lerobot(logs: Mapping[str, Path], root: Path) -> None:
     """Write logs, by their names, into a folder that must not be there yet.
 
-    DataError where it is, no log has two exposures, or pictures differ in size; SystemLibraryError without an extra.
+    DataError where it is, no log has two exposures, one spans ten hours, or pictures differ in size;
+    SystemLibraryError without an extra.
     """
     require("dataset", "LeRobot's layout")
     if root.exists():
@@ -136,6 +139,8 @@ def _read(name: str, path: Path) -> _Flight:
         sent = record.decision.command
         sticks.append([0.01 * percent for percent in sent.sticks_percent])
     t_s = np.array([record.frame.t_s for record in log.records], float)
+    if len(t_s) and (span_s := float(np.ptp(t_s))) > _LONGEST_S:
+        raise DataError(f"{path} spans {span_s:g} s, expected at most {_LONGEST_S:g} s: one of its rows has a wrong time")
     pictured, shape = [], (0, 0, 3)
     for cycle, image in pictures_of(path, t_s):
         pictured.append(cycle)

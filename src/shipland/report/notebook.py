@@ -54,7 +54,8 @@ def flight_html(
     if film is not None and film.is_file():
         here, film = Path.cwd(), film.absolute()  # a notebook's server shows what lies beside the notebook, or below
         address = html.escape(quote(str(film.relative_to(here) if film.is_relative_to(here) else film)))
-        shown += f'<p><video controls width="640" src="{address}"></video><br><a href="{address}">{film.name}</a></p>'
+        name = html.escape(film.name)
+        shown += f'<p><video controls width="640" src="{address}"></video><br><a href="{address}">{name}</a></p>'
     table = html_table(list(figures), [list(figures.values())], len(figures))
     return f"<b>{html.escape(scenario.name)}: {html.escape(reason)}</b>{table}{shown}"
 

@@ -35,7 +35,8 @@ def write_title(figure: Figure, log: FlightLog) -> None:
     info, verdict = log.header.info, log.verdict
     seed = "" if info.seed is None else f", seed {info.seed}"
     end = "no touchdown" if verdict is None else verdict.reason
-    figure.suptitle(f"{info.scenario}{seed}, pilot {info.pilot}:  {end}", fontsize=13, fontweight="bold")
+    title = f"{info.scenario}{seed}, pilot {info.pilot}:  {end}"
+    figure.suptitle(title, fontsize=13, fontweight="bold", parse_math=False)
 
 
 def plot_flight(path: Path, log: FlightLog, dpi: int = DPI) -> None:

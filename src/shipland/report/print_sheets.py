@@ -14,7 +14,7 @@ import numpy as np
 
 from shipland.cue import Cue, Hue
 from shipland.errors import ConfigError
-from shipland.files import writing
+from shipland.files import replacing, writing
 from shipland.frames import Array
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ def print_sheets(path: Path, drawing: Drawing, paper: str, title: str) -> Sheets
 
     sheets = sheets_for(drawing.size_mm, paper)
     about = {"Title": title, "CreationDate": None, "Creator": None, "Producer": None}
-    with writing(path), PdfPages(path, metadata=about) as pdf:
+    with writing(path), replacing(path) as beside, PdfPages(beside, metadata=about) as pdf:
         for row, column in product(range(sheets.down), range(sheets.across)):
             pdf.savefig(_sheet(drawing, sheets, column, row, title))
     return sheets

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Qos
 
 _OPTICAL = "camera_optical"
+_LATEST_S = 2.0**31 - 1.0
+"""ROS counts seconds in 32 bits, with a sign."""
 _NO_PICTURE = (2**63, None)
 """After a log's last picture."""
 
@@ -96,7 +98,7 @@ def _write(log_path: Path, log: FlightLog, bag: _Bag, namespace: str) -> dict[st
     info = bag.publisher(topics["camera_info"], "sensor_msgs/msg/CameraInfo")
 
     def stamped_s(t_s: float) -> float:  # the first exposure may precede the flight; ROS has no time below zero
-        return max(t_s, 0.0)
+        return min(max(t_s, 0.0), _LATEST_S)
 
     telling, pictures = Telling(bag, OUR_TOPICS, stamped_s), read_pictures(log_path)
     first_s = log.records[0].frame.t_s
