@@ -140,7 +140,7 @@ def _read(name: str, path: Path) -> _Flight:
         sticks.append([0.01 * percent for percent in sent.sticks_percent])
     t_s = np.array([record.frame.t_s for record in log.records], float)
     if len(t_s) and (span_s := float(np.ptp(t_s))) > _LONGEST_S:
-        raise DataError(f"{path} spans {span_s:g} s, expected at most {_LONGEST_S:g} s: one of its rows has a wrong time")
+        raise DataError(f"{path} spans {span_s:g} s, expected at most {_LONGEST_S:g} s: a row of it has a wrong time")
     pictured, shape = [], (0, 0, 3)
     for cycle, image in pictures_of(path, t_s):
         pictured.append(cycle)
