@@ -188,7 +188,7 @@ def test_what_is_found_goes_through_the_door(tmp_path: Path) -> None:
     assert taken.max_tilt_rad == pytest.approx(found.level.full, abs=1e-4)
     assert taken.hold_below_percent == assumed.hold_below_percent
     assert "15" in found.table() or "rad of tilt" in found.table()
-    with pytest.raises(ConfigError, match="velocity"):
+    with pytest.raises(ConfigError, match=r"no \[response.velocity\].* it holds \[response.attitude\]"):
         identified(path, replace(ANAFI_LIKE, kind="velocity", max_speed_mps=5.0, servo_per_s=1.0))
 
 

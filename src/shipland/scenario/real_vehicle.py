@@ -122,7 +122,8 @@ def identified(path: Path, assumed: Response) -> Response:
     """
     tables = read_toml(path).get("response", {})
     if assumed.kind not in tables:
-        raise ConfigError(f"{path} holds no [response.{assumed.kind}], what this vehicle's sticks mean")
+        held = f"; it holds {', '.join(f'[response.{kind}]' for kind in tables)}" if tables else ""
+        raise ConfigError(f"{path} holds no [response.{assumed.kind}], what this vehicle's sticks mean{held}")
     return build(Response, {**vars(assumed), **tables[assumed.kind]}, f"response.{assumed.kind}")
 
 
