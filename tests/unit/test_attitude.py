@@ -119,8 +119,8 @@ def test_a_camera_fixed_to_the_body_rolls_and_pitches_with_it():
 
 def test_beyond_the_readings_and_between_distant_ones_nothing_is_known():
     track = AttitudeTrack.of([(1.0, 0.0, 0.1), (0.0, 0.0, 0.1), (3.0, 0.0, 0.1), (4.0, math.nan, 0.1)], 0.01, "x")
-    known = [t_s for t_s in (-1.0, -0.3, 0.5, 0.9, 2.0, 3.2, 4.0) if math.isfinite(track.at(t_s).pitch_rad)]
-    assert known == [-0.3, 3.2]
+    known = [t_s for t_s in (-1.0, -0.3, 0.5, 0.9, 1.0, 2.0, 3.2, 4.0) if math.isfinite(track.at(t_s).pitch_rad)]
+    assert known == [-0.3, 1.0, 3.2]
     dense = AttitudeTrack.of([(0.1 * i, math.radians(179.0 + i), 0.0) for i in range(3)], 0.01, "x")
     assert math.degrees(dense.at(0.15).roll_rad) == pytest.approx(180.5)  # not by way of 0°
 

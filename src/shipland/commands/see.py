@@ -144,17 +144,16 @@ class See(PictureOptions):
 
     def _attitudes(self, logs: Mapping[Path, FlightLog]) -> dict[Path, AttitudeTrack]:
         """Of each film whose camera's attitude is known."""
-        from shipland.record.picture_attitude import PictureAttitude
         from shipland.record.reader import read_log
         from shipland.vision.attitude import placed, read_attitude
         from shipland.vision.pictures import is_film, is_log
 
         body = self.mount_pitch_deg is not None
         mount_rad = None if self.mount_pitch_deg is None else math.radians(self.mount_pitch_deg)
-        own: dict[Path, AttitudeTrack] = {}
+        own = {}
         for path, log in logs.items():
             with suppress(DataError):  # the log holds none
-                own[path] = PictureAttitude(**vars(placed(log.attitude(path, body=body), 0.0, mount_rad)))
+                own[path] = placed(log.attitude(path, body=body), 0.0, mount_rad)
         films = [path for path in self.paths if is_film(path) and path not in own]
         if self.attitude is None:
             return own

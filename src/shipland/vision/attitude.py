@@ -26,6 +26,8 @@ SUFFIXES = (".csv", ".bin", ".tlog", ".ulg")
 
 MOST_GAP_S = 0.5
 """Longest time between two readings over which they are interpolated, and from the last one on over which it holds."""
+_SAME_S = 0.02
+"""Nearer than this a picture and a reading are of one cycle of a flight."""
 
 _MOST_DEG = 180.0
 """Largest angle that a table may give."""
@@ -88,7 +90,7 @@ class AttitudeTrack:
         return replace(self, roll_rad=roll_rad, pitch_rad=pitch_rad)
 
     def at(self, t_s: float) -> GimbalAttitude:
-        """Attitude at a time, interpolated; NaN where the readings on either side are too far apart.
+        """Attitude at a time, interpolated; NaN between readings that are too far apart, but for their own pictures.
 
         A single reading is that of a camera which does not move.
         """
@@ -97,7 +99,7 @@ class AttitudeTrack:
         after = int(np.searchsorted(self.t_s, t_s))
         near_s = self.t_s[max(after - 1, 0) : after + 1]
         apart_s = near_s[1] - near_s[0] if len(near_s) == 2 else abs(near_s[0] - t_s)
-        if not apart_s <= MOST_GAP_S:
+        if not (apart_s <= MOST_GAP_S or np.abs(near_s - t_s).min() <= _SAME_S):
             return GimbalAttitude(math.nan, math.nan)
         roll_rad, pitch_rad = (float(np.interp(t_s, self.t_s, values)) for values in (self.roll_rad, self.pitch_rad))
         return GimbalAttitude(roll_rad, pitch_rad)
