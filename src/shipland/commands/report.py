@@ -43,7 +43,7 @@ class Report:
         path = self.out or (beside[0] if len(beside) == 1 else Path("out/report")) / "report.html"
         page = self._leaderboard(path.parent) if any(bundles) else self._page(path.parent)
         with writing(path):
-            write_atomically(path, page.encode())
+            write_atomically(path, page.encode(errors="replace"))  # a folder's name may hold bytes that are no UTF-8
         print(path)
         return 0
 

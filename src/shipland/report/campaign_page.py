@@ -106,8 +106,8 @@ class PageFlights:
         paths = {"log": f"{landing.seed}.mcap", "film": f"{landing.seed}/flight.mp4"}
         logs = cell.logs.get(landing.seed)
         there = {name: logs / path for name, path in paths.items() if logs and (logs / path).is_file()}
-        addresses = {name: os.path.relpath(path, self._folder) for name, path in there.items()}
-        return [(name, quote(Path(address).as_posix(), safe="/=,")) for name, address in addresses.items()]
+        addresses = {name: os.fsencode(os.path.relpath(path, self._folder)) for name, path in there.items()}
+        return [(name, quote(address, safe="/=,")) for name, address in addresses.items()]
 
 
 def _again(cell: CellResult, landing: Landing) -> str:

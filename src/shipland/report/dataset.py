@@ -112,6 +112,8 @@ def write_dataset(
         logs = {name: path for name, path in paths.items() if path.is_file()}
     if (lerobot or pictures) and not logs:
         raise DataError(f"{folder} keeps no logs, which this is made of: `shipland campaign --logs` keeps them")
+    if odd := next((name for name in logs if name != name.encode(errors="replace").decode()), None):
+        raise DataError(f"the name of the log {odd!r} is no text in UTF-8: rename it")
     out.mkdir(parents=True, exist_ok=True)
     files: list[Path] = []
     sets: list[dict[str, Any]] = []

@@ -151,7 +151,8 @@ class _H264:
 
         try:
             options = {"movflags": "+faststart", "fflags": "+bitexact"}
-            self._container: av.container.OutputContainer = av.open(str(path), "w", format="mp4", options=options)
+            place = str(path.absolute())  # of "12:30/flight.mp4" FFmpeg would take 12 for a protocol
+            self._container: av.container.OutputContainer = av.open(place, "w", format="mp4", options=options)
             x264 = {"profile": "high", "preset": parameters.preset, "tune": parameters.tune}
             x264 |= {"crf": str(parameters.crf), "g": str(key_frames), "threads": "1"}
             rate = Fraction(round(parameters.rate_hz * 1000), 1000)
