@@ -10,10 +10,10 @@ from shipland.guidance.horizon.guidance import LimitCycleDetector
 
 
 def after(seconds: float, share_of: Callable[[float], tuple[float, float]]) -> LimitCycleDetector:
-    restless = LimitCycleDetector()
+    detector = LimitCycleDetector()
     for cycle in range(round(30.0 * seconds)):
-        restless.take(np.array(share_of(cycle / 30.0)), 1.0 / 30.0)
-    return restless
+        detector.take(np.array(share_of(cycle / 30.0)), 1.0 / 30.0)
+    return detector
 
 
 def stops(t_s: float, period_s: float) -> tuple[float, float]:
@@ -42,7 +42,7 @@ def test_it_ends_when_the_sticks_rest() -> None:
 
 
 def test_a_clock_that_leaps_back_raises_nothing() -> None:
-    restless = LimitCycleDetector()
-    restless.take(np.array([1.0, 0.0]), 0.03)
-    restless.take(np.array([-1.0, 0.0]), -1e9)
-    assert not restless.oscillating
+    detector = LimitCycleDetector()
+    detector.take(np.array([1.0, 0.0]), 0.03)
+    detector.take(np.array([-1.0, 0.0]), -1e9)
+    assert not detector.oscillating
