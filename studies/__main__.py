@@ -32,9 +32,10 @@ def main(
         names: studies, or patterns such as speed_*; all of them, in their order, by default.
         runs: repetitions a case; the study's own by default.
         workers: processes.
-        where: COLUMN=VALUE, only the cases that have it.
+        where: COLUMN=VALUE or COLUMN=VALUE,VALUE, only the cases that have it.
         confirm_only: after a change that should move no figure, measure every tenth case of results of earlier code
-            again; where all come out to the digit, the others are taken over.
+            again; where all come out to the digit, the others are taken over. With --where, of these cases: the same
+            command without --confirm measures the rest.
         list_only: print each study's question, size and duration, and run nothing.
     """
     if unknown := [pattern for pattern in names if not fnmatch.filter(ORDER, pattern)]:
@@ -43,8 +44,8 @@ def main(
         raise SystemExit(f"studies: --runs is {runs}; at least 1 was expected")
     if wrong := [each for each in where if "=" not in each]:
         raise SystemExit(f"studies: --where {wrong[0]}: COLUMN=VALUE was expected")
-    if confirm_only and (runs is not None or where):
-        raise SystemExit("studies: --confirm measures whole results again; it goes without --runs and --where")
+    if confirm_only and runs is not None:
+        raise SystemExit("studies: --confirm measures the study's own number of runs; it goes without --runs")
     wanted = dict(each.split("=", 1) for each in where)
     chosen = [name for name in ORDER if not names or any(fnmatch.fnmatchcase(name, pattern) for pattern in names)]
     if list_only:
@@ -59,7 +60,7 @@ def main(
             raise SystemExit(f"studies: no case of {name} has {' and '.join(where)}")
         if confirm_only:
             try:
-                print(confirm(name, study, workers), flush=True)
+                print(confirm(name, study, workers, wanted), flush=True)
             except KeyboardInterrupt:
                 print(f"studies: stopped in {name}; nothing of it is taken over", file=sys.stderr)
                 raise SystemExit(130) from None

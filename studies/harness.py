@@ -239,8 +239,9 @@ def rows_of(rows: Sequence[dict[str, Any]], case: Case) -> list[dict[str, Any]]:
 
 
 def cases_where(study: Study, where: Mapping[str, str]) -> list[Case]:
-    """The cases that have these values in these columns."""
-    return [case for case in study.cases() if all(str(case.get(key)) == value for key, value in where.items())]
+    """The cases that have these values, or one of several with commas between, in these columns."""
+    wanted = {key: {value, *value.split(",")} for key, value in where.items()}
+    return [case for case in study.cases() if all(str(case.get(key)) in values for key, values in wanted.items())]
 
 
 def run(
@@ -262,12 +263,13 @@ def run(
     if not missing and (where or len(_kept(whole, name, study, count)[0]) == len(rows)):
         print(f"{name}: measured with this code already")
         return True
-    spent_min = float((read(part) or {}).get("minutes", 0.0)) if rows else 0.0
+    kept = (read(part) or {}) if rows else {}
+    spent_min, confirmed = float(kept.get("minutes", 0.0)), kept.get("confirmed")
     stopped, at_start, begun_s = False, _digests(study), time.monotonic()
 
     def write(to: Path) -> None:
         minutes = spent_min + (time.monotonic() - begun_s) / 60.0
-        _write(to, name, study, source_of(name, study, modules, at_start), count, minutes, rows)
+        _write(to, name, study, source_of(name, study, modules, at_start), count, minutes, rows, confirmed)
 
     with (
         ProcessPoolExecutor(1 if study.alone else workers, get_context("spawn"), _begin_worker) as pool,
@@ -305,16 +307,22 @@ def _digests(study: Study) -> Callable[[Path], bytes]:
     return {file: file_digest(file) for folder in folders for file in _files_of(folder)}.__getitem__
 
 
-def confirm(name: str, study: Study, workers: int = 2) -> str:
+def confirm(name: str, study: Study, workers: int = 2, where: Mapping[str, str] | None = None) -> str:
     """Take results of earlier code over where every tenth case, measured again, comes out to the digit.
 
     Seeds draw what is flown and seen, so a change of what is computed shows in nearly every figure. What another
     processor rounds otherwise, beyond eleven digits, is no change. Times are never taken over.
 
+    Args:
+        name: of the study.
+        study: with its cases.
+        workers: processes.
+        where: takes over the cases that have these values alone; `run` measures the others.
+
     Returns:
         What came out, in words.
     """
-    path, cases = RESULTS / f"{name}.json", study.cases()
+    path, cases = RESULTS / f"{name}.json", cases_where(study, where or {})
     found = read(path)
     if found is None or is_current(name, study, found):
         return f"{name}: " + ("not measured yet" if found is None else "measured with this code")
@@ -333,7 +341,12 @@ def confirm(name: str, study: Study, workers: int = 2) -> str:
             pool.shutdown(cancel_futures=True)
     same = f"{len(sample)} of {len(cases)} cases measured again by {code_version()}, to the digit"
     known = {file for file in found["source"].get("modules", "").split() if (ROOT / file).exists()}
-    _dump(path, found | {"source": source_of(name, study, modules | known), "confirmed": same})
+    taken = found | {"source": source_of(name, study, modules | known), "confirmed": same}
+    if where:
+        same = taken["confirmed"] = f"{' '.join(map('='.join, where.items()))}: {same}"
+        rows = [row for case in cases for row in rows_of(found["rows"], case)]
+        taken |= {"rows": rows, "minutes": found["minutes"] * len(cases) / len(study.cases())}
+    _dump(PARTS / f"{name}-{study.runs}.json" if where else path, taken)
     return f"{name}: {same}"
 
 
@@ -356,6 +369,7 @@ def _write(
     runs: int,
     minutes: float,
     rows: Sequence[Mapping[str, Any]],
+    confirmed: str | None,
 ) -> None:
     trial = "" if runs == study.runs else f" --runs {runs}"
     table = {
@@ -371,7 +385,7 @@ def _write(
         "runs": runs,
         "rows": rows,
     }
-    _dump(path, table)
+    _dump(path, table | ({"confirmed": confirmed} if confirmed else {}))
 
 
 def _processor() -> str:

@@ -38,7 +38,8 @@ def study(tmp_path, monkeypatch):
 
 def write(path, rows, code="this"):
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"rows": rows, "source": {"code": code, "modules": ""}, "runs": 3, "commit": "c"}))
+    source = {"code": code, "modules": ""}
+    path.write_text(json.dumps({"rows": rows, "source": source, "runs": 3, "minutes": 1.0, "commit": "c"}))
 
 
 ROWS = [{"number": 1, "twice": 2}, {"number": 2, "twice": 4}]
@@ -178,6 +179,27 @@ def test_results_of_earlier_code_are_taken_over_where_a_part_comes_out_the_same(
     assert "{'number': 20} comes out otherwise" in harness.confirm("two", many)
     assert harness.read(path)["source"]["code"] == "earlier"
     assert "anew" in harness.confirm("two", replace(many, alone=True))
+
+
+def test_the_cases_that_a_change_left_alone_are_taken_over_and_the_others_measured(study, tmp_path, monkeypatch):
+    made, measured = study
+    many = replace(made, cases=lambda: [{"number": n, "stick": ("tilt", "none", "speed")[n // 3]} for n in range(8)])
+    monkeypatch.setattr(harness, "load", lambda _: many)
+    monkeypatch.setattr(harness, "ProcessPoolExecutor", lambda workers, *_: ThreadPoolExecutor(1))
+    path = tmp_path / "results" / "two.json"
+    rows = [{**case, **made.measure(case, 3)} for case in many.cases()]
+    for row in rows[6:]:
+        row["twice"] += 1
+    write(path, rows, code="earlier")
+    assert "comes out otherwise" in harness.confirm("two", many, where={"stick": "speed"})
+    assert "stick=tilt,none: 2 of 6 cases" in harness.confirm("two", many, where={"stick": "tilt,none"})
+    assert harness.read(path)["source"]["code"] == "earlier"
+    measured.clear()
+    assert harness.run("two", many, workers=1)
+    assert sorted(measured) == [6, 7]
+    found = harness.read(path)
+    assert [row["twice"] for row in found["rows"]] == [0, 2, 4, 6, 8, 10, 12, 14]
+    assert "stick=tilt,none: 2 of 6" in found["confirmed"]
 
 
 @pytest.mark.parametrize("page", list(tables.pages()), ids=lambda path: path.name)
