@@ -216,6 +216,16 @@ def test_who_comes_near_on_boxes_alone_goes_around_unless_no_pose_was_ever_seen(
     assert (checked.command.heave_percent > 0.0) == posed
 
 
+def test_who_flies_on_near_the_ship_and_sees_nothing_is_held_and_then_goes_around():
+    flight = Flight(over_deck(1.2, -1.5)).fly(1.0, {})
+    flight.seen = False
+    flight.fly(2.5, {"roll_percent": 20.0})
+    assert flight.decisions[-1].command.intent is Intent.HOLD
+    flight.fly(2.0, {"roll_percent": 20.0})
+    assert "no pose for" in flight.said
+    assert flight.decisions[-1].command.heave_percent > 0.0
+
+
 @pytest.mark.parametrize(("ahead_m", "goes_around"), [(-9.0, True), (-20.0, False)])
 def test_poses_that_leap_by_a_third_of_the_way_to_the_bar_are_not_waited_for(ahead_m, goes_around):
     flight = Flight((ahead_m, 0.0, -1.0)).fly(1.5, {"pitch_percent": 10.0})

@@ -23,7 +23,7 @@ from shipland.safety.monitor import Look, MonitorParameters, Ship, findings
 from shipland.safety.recovery import RecoveryParameters, Rung, Switch, next_switch, sticks_of
 
 _LOOK_AHEAD_S = 0.5
-"""A descent is stopped so much earlier: the stick's slew, the uplink and the vehicle's braking."""
+"""A descent is stopped so much earlier, after a cycle of it: the stick's slew, the uplink and the vehicle's braking."""
 
 _CLIMB_PERCENT, _CLIMB_MARGIN_M = 60.0, 0.5
 """Without a pilot: how fast, and how far above the floor."""
@@ -119,7 +119,7 @@ class Safety:
             reason = "; ".join(filter(None, (decision.reason, "command not finite")))
             decision = self.without_pilot(reason, telemetry, self._last)
         command, notes = self._fresh(decision.command, telemetry.t_s)
-        look = self._look(command, telemetry)
+        look = self._look(decision.command, telemetry)
         after = next_switch(self._switch, look, findings(look), self._parameters.recovery)
         self._switch = after if override is None else Switch()
         recovery, mode = self._switch.recovery, decision.mode
@@ -196,7 +196,9 @@ class Safety:
         elif command.heave_percent < 0.0:
             if command.intent is Intent.LAND and self._over_deck(look.place_m):
                 return command
-            sink_m = _LOOK_AHEAD_S * estimate.sink_mps
+            cycle_s = 0.0 if self._last is None else max(look.t_s - self._last.t_s, 0.0)
+            asked_mps = -0.01 * command.heave_percent * look.response.max_climb_mps
+            sink_m = _LOOK_AHEAD_S * estimate.sink_mps + cycle_s * max(asked_mps, estimate.sink_mps)
             if over_deck_m is not None:
                 if over_deck_m - sink_m >= limits.floor_m:
                     return command
